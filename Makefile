@@ -1,0 +1,37 @@
+# `make demo` and `make test` set everything up in .venv first; nothing but Python >= 3.11 and make is needed.
+PYTHON ?= python3
+VENV   := .venv
+MESH   ?=
+LIGHT  ?=
+STAMP  := $(VENV)/.installed
+
+.PHONY: demo test setup lock clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml $(wildcard requirements/*.txt)
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(None if (3, 11) <= v <= (3, 13) else f"error: gash_jax needs Python 3.11, 3.12 or 3.13, this is {v[0]}.{v[1]}: make PYTHON=python3.12 ...")'
+	@test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing the locked packages into $(VENV) (1-2 minutes)"
+	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  -r requirements/$$($(VENV)/bin/python -c 'import sys; print("lock-%d.%d.txt" % sys.version_info[:2])')
+	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $(STAMP)
+
+demo: $(STAMP)
+	@$(VENV)/bin/gash demo $(if $(MESH),--mesh "$(MESH)") $(if $(LIGHT),--light "$(LIGHT)") -o demo
+
+test: $(STAMP)
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright
+	$(VENV)/bin/lint-imports
+	$(VENV)/bin/python -m pytest
+
+# rewrite the lock files from the ranges in pyproject.toml (needs uv)
+lock:
+	for v in 3.11 3.12 3.13; do uv pip compile --quiet --no-header --no-annotate --universal \
+	  --python-version $$v --group dev pyproject.toml -o requirements/lock-$$v.txt; done
+
+clean:
+	rm -rf $(VENV) demo out runs

@@ -1,0 +1,71 @@
+"""gash_jax: precomputed radiance transfer you can trust.
+
+Bake per-vertex spherical-harmonic transfer with Embree, predict it with networks, relight it, and know the error.
+Names are imported when they are first used, so that a bake does not wait for the neural-network libraries.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gash_jax.geometry.health import HealthReport, MeshError
+    from gash_jax.geometry.mesh import Mesh
+    from gash_jax.geometry.mesh_io import load_mesh, read_mesh
+    from gash_jax.geometry.npz_io import FileError
+    from gash_jax.learn.config import ConfigError, RunConfig, load_config
+    from gash_jax.learn.model import Model, load_model
+    from gash_jax.prt.bake import bake_transfer
+    from gash_jax.prt.light import Light, load_light, project_light, save_light
+    from gash_jax.prt.shading import shade
+    from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer, unshadowed_transfer
+
+__version__ = version("gash-jax")
+
+_HOMES = {
+    "geometry.health": ("HealthReport", "MeshError"),
+    "geometry.mesh": ("Mesh",),
+    "geometry.mesh_io": ("load_mesh", "read_mesh"),
+    "geometry.npz_io": ("FileError",),
+    "learn.config": ("ConfigError", "RunConfig", "load_config"),
+    "learn.model": ("Model", "load_model"),
+    "prt.bake": ("bake_transfer",),
+    "prt.light": ("Light", "load_light", "project_light", "save_light"),
+    "prt.shading": ("shade",),
+    "prt.transfer": ("Transfer", "load_transfer", "save_transfer", "unshadowed_transfer"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "ConfigError",
+    "FileError",
+    "HealthReport",
+    "Light",
+    "Mesh",
+    "MeshError",
+    "Model",
+    "RunConfig",
+    "Transfer",
+    "bake_transfer",
+    "load_config",
+    "load_light",
+    "load_mesh",
+    "load_model",
+    "load_transfer",
+    "project_light",
+    "read_mesh",
+    "save_light",
+    "save_transfer",
+    "shade",
+    "unshadowed_transfer",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'gash_jax' has no attribute {name!r}")
+    return getattr(import_module(f"gash_jax.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

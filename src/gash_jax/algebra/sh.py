@@ -1,0 +1,114 @@
+"""Real orthonormal spherical harmonics.
+
+Y_k with k = l*l + l + m, band l = 0 .. bands - 1, m = -l .. l; polar axis z; no Condon-Shortley sign:
+
+    Y_lm = N_lm P_lm(z) * {sqrt(2) Im (x + iy)^|m|  (m < 0),  1  (m = 0),  sqrt(2) Re (x + iy)^m  (m > 0)}
+
+with P_lm(z) the associated Legendre function divided by (1 - z^2)^(|m|/2), taken positive at z -> 1, and N_lm such that
+the integral of Y_j Y_k over the sphere is delta_jk. Band 1 is (y, z, x) * sqrt(3 / 4 pi). The Legendre part runs on the
+normalised three-term recurrence in l (Press et al., Numerical Recipes 3rd ed., eq. 6.7.9), whose constants are
+formed in float64; (x + iy)^m by complex multiplication. Directions are unit vectors; nothing is normalised here.
+
+Clamped cosine: A_l of Ramamoorthi & Hanrahan 2001, so that the integral of max(n.w, 0) Y_lm(w) dw = A_l Y_lm(n).
+Windows taper the bands of a light against ringing: Hann (1 + cos(pi l/w))/2 and Lanczos sin(pi l/w)/(pi l/w),
+both zero from l = w on.
+"""
+
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+MAX_BANDS = 10
+
+
+def validate_bands(bands: int) -> None:
+    """Raise ValueError unless bands is an integer from 1 to MAX_BANDS."""
+    if isinstance(bands, bool) or not isinstance(bands, int | np.integer) or not 1 <= bands <= MAX_BANDS:
+        raise ValueError(f"bands is {bands!r}: use a whole number from 1 to {MAX_BANDS}")
+
+
+def band_index(bands: int) -> Int[np.ndarray, " k"]:
+    """Band l of each coefficient k."""
+    validate_bands(bands)
+    return np.repeat(np.arange(bands), 2 * np.arange(bands) + 1)
+
+
+def sh_components(
+    x: Float[Array | np.ndarray, "..."],
+    y: Float[Array | np.ndarray, "..."],
+    z: Float[Array | np.ndarray, "..."],
+    bands: int,
+) -> list[Float[Array | np.ndarray, "..."]]:
+    """Evaluate the basis at unit vectors given as three arrays of one shape.
+
+    Returns bands^2 separate arrays of that shape and dtype, which for large batches is several times faster than one
+    array with a short last axis. Plain arithmetic: NumPy arrays in, NumPy arrays out; JAX arrays in, JAX arrays out.
+    """
+    validate_bands(bands)
+    components: list = [None] * (bands * bands)
+    cosine, sine = 1.0, 0.0  # real and imaginary part of (x + iy)^m
+    sectoral = math.sqrt(1.0 / (4.0 * math.pi))  # N_mm P_mm, times sqrt(2) from m = 1 on
+    for m in range(bands):
+        if m > 0:
+            cosine, sine = (x * cosine - y * sine, x * sine + y * cosine) if m > 1 else (x, y)
+            sectoral *= math.sqrt((2 * m + 1) / (2 * m)) * (math.sqrt(2.0) if m == 1 else 1.0)
+        legendre, previous = x * 0.0 + sectoral, 0.0
+        for band in range(m, bands):
+            if band > m:
+                grow = math.sqrt((4 * band**2 - 1) / (band**2 - m**2))
+                fade = grow * math.sqrt(((band - 1) ** 2 - m**2) / (4 * (band - 1) ** 2 - 1))
+                legendre, previous = grow * z * legendre - fade * previous, legendre
+            centre = band * band + band
+            components[centre + m] = legendre * cosine
+            if m > 0:
+                components[centre - m] = legendre * sine
+    return components
+
+
+@functools.partial(jax.jit, static_argnames="bands")
+def evaluate_sh(directions: Float[Array | np.ndarray, "... 3"], bands: int) -> Float[Array, "... k"]:
+    """Evaluate the basis at unit vectors; bands^2 values on the last axis."""
+    directions = jnp.asarray(directions)
+    x, y, z = (directions[..., axis] for axis in range(3))
+    return jnp.stack([jnp.asarray(component) for component in sh_components(x, y, z, bands)], axis=-1)
+
+
+def clamped_cosine(band: int) -> float:
+    """Factor A_l of the clamped cosine in band l >= 0 (Ramamoorthi & Hanrahan 2001, eq. 8)."""
+    if band < 0:
+        raise ValueError(f"band {band} does not exist: use 0 or more")
+    if band == 1:
+        return 2.0 * math.pi / 3.0
+    if band % 2 == 1:
+        return 0.0
+    half = band // 2
+    # l! / (2^l (l/2)!^2) as an exact ratio of integers: no overflow, no rounding before the division.
+    central = math.comb(band, half) / 2**band
+    return 2.0 * math.pi * (-1) ** (half - 1) / ((band + 2) * (band - 1)) * central
+
+
+def clamped_cosine_coefficients(bands: int) -> Float[np.ndarray, " k"]:
+    """Factor A_l for each coefficient k, float64."""
+    return np.array([clamped_cosine(int(band)) for band in band_index(bands)])
+
+
+def hann_window(bands: int, width: float) -> Float[np.ndarray, " k"]:
+    """Hann factor for each coefficient k; the first band that vanishes is l = width."""
+    ratio = _window_ratio(bands, width)
+    return np.where(ratio < 1.0, (1.0 + np.cos(np.pi * ratio)) / 2.0, 0.0)
+
+
+def lanczos_window(bands: int, width: float) -> Float[np.ndarray, " k"]:
+    """Lanczos factor for each coefficient k; the first band that vanishes is l = width."""
+    ratio = _window_ratio(bands, width)
+    return np.where(ratio < 1.0, np.sinc(ratio), 0.0)
+
+
+def _window_ratio(bands: int, width: float) -> Float[np.ndarray, " k"]:
+    if not width > 0.0:
+        raise ValueError(f"the width of a window is {width!r}: use a number of bands above 0")
+    return band_index(bands) / float(width)

@@ -1,0 +1,88 @@
+"""Ray-cast pictures of a shaded mesh with Embree: no window, no GPU.
+
+Radiance is linear in the transfer, so interpolating the radiance of the three corners equals interpolating their
+transfer. Pixels are averaged in linear light over `SAMPLES` x `SAMPLES` rays, exposed, clipped and written as sRGB.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.embree import embree_closest_hit
+from gash_jax.prt.rays import trace_geometry
+
+SAMPLES = 2
+FIELD_OF_VIEW = np.radians(28.0)
+BACKGROUND = 0.02
+# azimuth from +z towards +x and elevation, degrees
+VIEWS = {
+    "front": (25.0, 12.0),
+    "side": (115.0, 12.0),
+    "back": (205.0, 20.0),
+    "top": (25.0, 65.0),
+    "below": (-40.0, -35.0),
+}
+
+
+class Hit(NamedTuple):
+    """What every pixel sample of a view sees: corners of the face and their weights; empty pixels have weight 0."""
+
+    corners: np.ndarray  # (h, w, 3) vertex indices
+    weights: np.ndarray  # (h, w, 3) float32
+
+
+def _camera(view: str) -> tuple[np.ndarray, np.ndarray]:
+    """Eye position and a matrix with rows right, up, forward."""
+    azimuth, elevation = np.radians(VIEWS[view])
+    eye = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
+    forward = -eye
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    return eye / np.sin(FIELD_OF_VIEW / 2), np.stack([right, np.cross(right, forward), forward])
+
+
+def cast_view(mesh: Mesh, view: str = "front", size: int = 512) -> Hit:
+    """Find what each of size x size pixels (times SAMPLES²) sees; the mesh fills the frame."""
+    geometry = trace_geometry(mesh)
+    eye, axes = _camera(view)
+    used = np.unique(mesh.faces)
+    seen = (geometry.vertices[used] - eye) @ axes.T
+    plane = seen[:, :2] / seen[:, 2:]
+    middle, half = (plane.max(0) + plane.min(0)) / 2, np.ptp(plane, axis=0).max() / 2 * 1.06
+    steps = ((np.arange(size * SAMPLES) + 0.5) / (size * SAMPLES) * 2 - 1) * half
+    x, y = np.meshgrid(steps + middle[0], middle[1] - steps)
+    directions = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ axes
+    origins = np.broadcast_to(eye.astype(np.float32), directions.shape)
+    hits = embree_closest_hit(geometry.vertices, geometry.faces)(
+        np.ascontiguousarray(origins), np.ascontiguousarray(directions, np.float32)
+    )
+    found = hits.face >= 0
+    corners = mesh.faces[np.where(found, hits.face, 0)]
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], -1) * found[:, None]
+    shape = (size * SAMPLES, size * SAMPLES, 3)
+    return Hit(corners.reshape(shape), weights.reshape(shape).astype(np.float32))
+
+
+def shade_view(
+    hit: Hit, values: Float[np.ndarray, "v c"], background: float = BACKGROUND
+) -> Float[np.ndarray, "h w c"]:
+    """Interpolate per-vertex values over the faces and average the samples of each pixel."""
+    image = np.einsum("hwj,hwjc->hwc", hit.weights, values[hit.corners])
+    image += background * (1.0 - hit.weights.sum(-1, keepdims=True))
+    height, width, channels = image.shape
+    return image.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, channels).mean((1, 3))
+
+
+def exposure_for(images: list[np.ndarray]) -> float:
+    """One exposure for pictures that are compared: the 99th percentile of their luminance becomes 0.9."""
+    brightest = np.quantile(np.concatenate([image.mean(-1).ravel() for image in images]), 0.99)
+    return float(0.9 / max(brightest, 1e-9))
+
+
+def to_srgb(image: Float[np.ndarray, "h w 3"], exposure: float) -> UInt8[np.ndarray, "h w 3"]:
+    """Exposed linear radiance to 8-bit sRGB (IEC 61966-2-1); values above 1 are clipped."""
+    linear = np.clip(image * exposure, 0.0, 1.0)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-8) ** (1 / 2.4) - 0.055)
+    return np.round(encoded * 255).astype(np.uint8)

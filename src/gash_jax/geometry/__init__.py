@@ -1,0 +1,1 @@
+"""Triangle meshes on the host: reading, health, normals, orientation, procedural shapes."""

@@ -1,0 +1,1 @@
+"""Data, models and objectives meet here: configs, corpus, losses, metrics, training."""

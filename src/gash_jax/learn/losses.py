@@ -1,0 +1,43 @@
+"""Objectives, elementwise and masked: padding never counts, shapes never broadcast."""
+
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Bool, Float
+
+
+def masked_mean(values: Float[Array, "v k"], mask: Bool[Array, "v"]) -> Float[Array, ""]:
+    """Mean over the vertices of the mask; 0 where the mask is empty."""
+    weights = mask.astype(values.dtype)
+    return jnp.sum(values * weights[:, None]) / (jnp.maximum(jnp.sum(weights), 1.0) * values.shape[1])
+
+
+def squared_error(
+    *, prediction: Float[Array, "v k"], target: Float[Array, "v k"], mask: Bool[Array, "v"]
+) -> Float[Array, ""]:
+    """Mean squared error."""
+    return masked_mean((prediction - target) ** 2, mask)
+
+
+def balanced_bce(
+    *, logits: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Bool[Array, "v"]
+) -> Float[Array, ""]:
+    """Class-balanced binary cross-entropy on logits (GNN paper, 4.2.1).
+
+    Visible and occluded samples are averaged apart and then together, so that rare occlusion weighs as much as
+    plentiful sky. A class that does not occur in the batch adds nothing, and the other one then counts alone.
+    """
+    loss = optax.sigmoid_binary_cross_entropy(logits, labels)
+    weights = jnp.broadcast_to(mask[:, None], loss.shape).astype(loss.dtype)
+    total, present = jnp.zeros(()), jnp.zeros(())
+    for belongs in (labels, 1.0 - labels):
+        count = jnp.sum(weights * belongs)
+        total = total + jnp.sum(loss * weights * belongs) / jnp.maximum(count, 1.0)
+        present = present + (count > 0)
+    return total / jnp.maximum(present, 1.0)
+
+
+def visibility_accuracy(
+    *, logits: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Bool[Array, "v"]
+) -> Float[Array, ""]:
+    """Share of directions whose visibility is called right at logit 0."""
+    return masked_mean(((logits > 0) == (labels > 0.5)).astype(jnp.float32), mask)

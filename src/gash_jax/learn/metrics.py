@@ -1,0 +1,93 @@
+"""The measures of the project, defined once.
+
+Estimates t, reference t*, both (v, k). Raw MSE depends on scale and albedo, so it never stands alone:
+relrmse = sqrt(sum |t - t*|² / sum |t*|²);  skill = 1 - MSE(method) / MSE(unshadowed closed form), where 0 means
+nothing learnt beyond the formula. Skill is undefined where the closed form is already right ("no occlusion") or the
+reference has no energy ("no transfer"). *Equivalent rays* is the ray count at which the plain bake of the same mesh
+has the same MSE, interpolated in log-log. *Shadow MSE* looks only at the darkest quartile of vertices by reference
+t_0; *flicker* is the RMS of the second difference in time of the error of a sequence.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.bake import ProgressFn, bake_transfer
+from gash_jax.prt.transfer import unshadowed_transfer
+
+NO_OCCLUSION = 1e-9
+REFERENCE_SHARE = 8  # a plain bake above an eighth of the reference's rays is as noisy as what it is held against
+
+
+def _difference(estimate: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    if estimate.shape != reference.shape:
+        raise ValueError(f"shapes differ: {estimate.shape} against {reference.shape}; same mesh, same bands needed")
+    return estimate.astype(np.float64) - reference.astype(np.float64)
+
+
+def mse(estimate: np.ndarray, reference: np.ndarray) -> float:
+    """Mean squared error over vertices and coefficients."""
+    return float(np.mean(_difference(estimate, reference) ** 2))
+
+
+def relrmse(estimate: np.ndarray, reference: np.ndarray) -> float | None:
+    """Relative RMS error; None where the reference has no energy."""
+    energy = float(np.sum(reference.astype(np.float64) ** 2))
+    return float(np.sqrt(np.sum(_difference(estimate, reference) ** 2) / energy)) if energy > 0 else None
+
+
+def skill(estimate: np.ndarray, reference: np.ndarray, normals: Float[np.ndarray, "v 3"]) -> float | str:
+    """1 - MSE / MSE of the closed form, or the reason why it is undefined."""
+    if not np.any(reference):
+        return "no transfer"
+    formula = np.asarray(unshadowed_transfer(normals, round(reference.shape[1] ** 0.5)))
+    floor = mse(formula, reference)
+    return "no occlusion" if floor < NO_OCCLUSION else 1.0 - mse(estimate, reference) / floor
+
+
+def coefficient_errors(estimate: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Per coefficient: MSE, and standard deviation of the error over vertices, each (k,)."""
+    error = _difference(estimate, reference)
+    return np.mean(error**2, 0), np.std(error, 0)
+
+
+def shadow_mse(estimate: np.ndarray, reference: np.ndarray) -> float:
+    """MSE on the darkest quartile of vertices by the reference's t_0."""
+    darkest = reference[:, 0] <= np.quantile(reference[:, 0], 0.25)
+    return mse(estimate[darkest], reference[darkest])
+
+
+def flicker(estimates: Float[np.ndarray, "t v k"], references: Float[np.ndarray, "t v k"]) -> float:
+    """RMS of the second difference in time of the error; needs three frames."""
+    if len(estimates) < 3:
+        raise ValueError(f"flicker needs at least 3 frames, got {len(estimates)}")
+    return float(np.sqrt(np.mean(np.diff(_difference(estimates, references), n=2, axis=0) ** 2)))
+
+
+def plain_bake_curve(
+    mesh: Mesh, reference: np.ndarray, reference_rays: int, seed: int = 1, progress: ProgressFn | None = None
+) -> dict[int, float]:
+    """MSE of the plain bake at 4, 8, 16 ... rays, up to an eighth of the reference's rays."""
+    bands, counts = round(reference.shape[1] ** 0.5), [4]
+    while counts[-1] * 2 <= reference_rays // REFERENCE_SHARE:
+        counts.append(counts[-1] * 2)
+    curve = {}
+    for step, rays in enumerate(counts):
+        curve[rays] = mse(bake_transfer(mesh, bands, rays, replicates=1, seed=seed).coefficients, reference)
+        if progress:
+            progress(step + 1, len(counts))
+    return curve
+
+
+def equivalent_rays(error: float, curve: dict[int, float]) -> float | str:
+    """Rays at which the plain bake has this MSE, log-log interpolated; "< 4" or ">= N" outside the curve."""
+    counts = np.array(sorted(curve))
+    errors = np.minimum.accumulate([curve[n] for n in counts])
+    if error > errors[0]:
+        return f"< {counts[0]}"
+    if error <= errors[-1]:
+        return f">= {counts[-1]}"
+    order: Sequence[int] = np.argsort(errors)
+    return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(counts[order]))))

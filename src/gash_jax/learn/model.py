@@ -1,0 +1,92 @@
+"""A trained network as one value: config and weights in, graph of a mesh, coefficients out.
+
+Model files are npz: float32 arrays named by their path in the parameter tree ("coefficient/conv_0/source/kernel")
+plus JSON metadata with the full config, so that a runtime without JAX can rebuild the network.
+"""
+
+import time
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jax
+import jraph
+import numpy as np
+from flax.traverse_util import flatten_dict, unflatten_dict
+
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
+from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.learn.config import ConfigError, from_dict
+from gash_jax.nn.registry import ModelConfig, build_model
+from gash_jax.prt.transfer import Transfer, make_metadata
+
+FORMAT, FORMAT_VERSION = "gash-model", 1
+
+
+class Model:
+    """`model(graph)` predicts (v, k) coefficients of a graph from `model.graph(mesh)`."""
+
+    def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
+        self.config, self.params, self.metadata = config, params, metadata or {}
+        self._apply = jax.jit(build_model(config).apply)
+
+    def graph(self, mesh: Mesh, seed: int = 0) -> jraph.GraphsTuple:
+        """The graph this model wants; `seed` draws the neighbours of a `rings` graph."""
+        return build_graph(mesh, self.config.graph, self.config.neighbours, seed)
+
+    def __call__(self, graph: jraph.GraphsTuple) -> jax.Array:
+        """Coefficients of every node, "v k"."""
+        return self._apply({"params": self.params}, graph)
+
+    def predict(self, mesh: Mesh, seed: int = 0) -> Transfer:
+        """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
+        started = time.perf_counter()
+        graph = self.graph(mesh, seed)
+        built = time.perf_counter()
+        coefficients = np.asarray(jax.block_until_ready(self(graph)), np.float32)
+        finished = time.perf_counter()
+        usable = np.any(mesh.normals != 0, axis=1)[:, None]
+        seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
+        parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", ""), "seed": seed}
+        metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=0, seconds=seconds)
+        return Transfer(np.where(usable, coefficients, np.float32(0)), None, *_mesh_arrays(mesh), metadata)
+
+
+def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return mesh.vertices, mesh.normals, mesh.faces
+
+
+def count_parameters(params: dict[str, Any]) -> int:
+    """Number of weights."""
+    return sum(int(np.size(leaf)) for leaf in jax.tree.leaves(params))
+
+
+def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:
+    """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config."""
+    arrays = {name: np.asarray(leaf, np.float32) for name, leaf in flatten_dict(params, sep="/").items()}
+    header = {"format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict(), **metadata}
+    write_npz(path, arrays, header)
+
+
+def shipped_models() -> dict[str, Path]:
+    """Names and files of the weights inside the package."""
+    folder = Path(str(resources.files("gash_jax"))) / "weights"
+    return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+
+
+def load_model(name: str | Path) -> Model:
+    """Load weights that ship with the package by name, or a model file by path. Raises FileError."""
+    shipped = shipped_models()
+    if str(name) not in shipped and not Path(name).exists():
+        known = ", ".join(shipped) or "none"
+        raise FileError(f"no model {str(name)!r}: give a weights file, or one of the shipped names ({known})")
+    path = shipped.get(str(name), Path(name))
+    arrays, metadata = read_npz(path, "model", ())
+    if metadata.get("format") != FORMAT:
+        raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")
+    try:
+        config = from_dict(ModelConfig, metadata["model"], "model.")
+    except ConfigError as error:
+        raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
+    return Model(config, unflatten_dict(arrays, sep="/"), metadata)

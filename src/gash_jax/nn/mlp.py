@@ -1,0 +1,28 @@
+"""The first Neural-GASh: every vertex by itself, 32 motor components -> B² coefficients (GNN paper, 2.3).
+
+It cannot know of occlusion beyond what position and normal say about the shapes it was trained on.
+"""
+
+import jax.numpy as jnp
+import jraph
+from flax import linen as nn
+from jaxtyping import Array, Float
+
+from gash_jax.nn.closed_form import zero_without_normal
+
+
+class MLP(nn.Module):
+    """`layers` hidden layers of `channels`, ReLU; reads nodes["motor"] and nodes["normal"]."""
+
+    channels: int = 128
+    layers: int = 3
+    bands: int = 3
+
+    @nn.compact
+    def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
+        """Coefficients of every node; nothing here is random, so `deterministic` changes nothing."""
+        x = jnp.asarray(graph.nodes["motor"])  # type: ignore[index]
+        for i in range(self.layers):
+            x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
+        x = nn.Dense(self.bands**2, name="head")(x)
+        return zero_without_normal(x, graph.nodes["normal"])  # type: ignore[index]

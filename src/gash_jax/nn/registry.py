@@ -1,0 +1,123 @@
+"""Which networks there are, what they are made of, and which graph each of them wants.
+
+Every model answers one contract: `build_model(config).apply(variables, graph, deterministic=True)` -> (v, k), with
+k = bands² and the nodes in the order of the mesh's vertices.
+"""
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any, NamedTuple
+
+from flax import linen as nn
+
+from gash_jax.nn.local import LocalNet
+from gash_jax.nn.mlp import MLP
+from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
+
+MAX_BANDS = 10
+GRAPHS = ("knn", "rings", "none")
+
+
+class _Defaults(NamedTuple):
+    """What the fields of a config that are left at 0 (or "") become."""
+
+    channels: int
+    layers: int
+    heads: int
+    neighbours: int
+    graph: str
+
+
+DEFAULTS = {
+    "local": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
+    "two-stage": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
+    "mlp": _Defaults(channels=128, layers=3, heads=1, neighbours=0, graph="none"),
+}
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Everything that determines a network; 0 and "" stand for the model's own default and are resolved at once.
+
+    `channels`, `layers`, `heads` are those of the net that predicts coefficients; the `visibility_` fields and
+    `dropout` belong to the two-stage network alone. `block`: vertices per block in inference, 0 for all at once.
+    Raises ValueError for values no network can be built from.
+    """
+
+    name: str = "local"
+    bands: int = 3
+    channels: int = 0
+    layers: int = 0
+    heads: int = 0
+    neighbours: int = 0
+    graph: str = ""
+    visibility_channels: int = 64
+    visibility_layers: int = 3
+    visibility_directions: int = 25
+    dropout: float = 0.2
+    block: int = 256
+
+    def __post_init__(self) -> None:
+        if self.name not in DEFAULTS:
+            raise ValueError(f"unknown model {self.name!r}: known are {', '.join(DEFAULTS)}")
+        for key, default in DEFAULTS[self.name]._asdict().items():
+            if not getattr(self, key):
+                object.__setattr__(self, key, default)
+        self._check_numbers()
+        if self.graph not in GRAPHS:
+            raise ValueError(f"unknown graph {self.graph!r}: known are {', '.join(GRAPHS)}")
+        if self.name == "local" and self.graph != "rings":
+            raise ValueError(f"model local reads relative edges: its graph is rings, not {self.graph}")
+        if (self.graph == "none") != (self.name == "mlp"):
+            raise ValueError(
+                f"model {self.name} cannot use graph {self.graph}: only mlp takes none, and mlp takes no other"
+            )
+        for width in (self.channels, self.visibility_channels):
+            if width % self.heads:
+                raise ValueError(f"{width} channels cannot be split into {self.heads} heads: use a multiple")
+        if not isinstance(self.dropout, int | float) or not 0 <= self.dropout < 1:
+            raise ValueError(f"dropout = {self.dropout!r}: must be a number from 0 to below 1")
+
+    def _check_numbers(self) -> None:
+        least = dict.fromkeys(("channels", "layers", "heads", "visibility_channels", "visibility_layers"), 1)
+        least |= {"bands": 1, "visibility_directions": 1, "neighbours": 0, "block": 0}
+        for key, low in least.items():
+            value = getattr(self, key)
+            if type(value) is not int or value < low:
+                raise ValueError(f"{key} = {value!r}: must be a whole number from {low}")
+        if self.bands > MAX_BANDS:
+            raise ValueError(f"bands = {self.bands}: must be from 1 to {MAX_BANDS}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values by field name."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "ModelConfig":
+        """The config with these values. Raises ValueError on a key that is no field."""
+        known = [field.name for field in fields(cls)]
+        unknown = [key for key in values if key not in known]
+        if unknown:
+            raise ValueError(f"unknown key {unknown[0]!r} in model config: known are {', '.join(known)}")
+        return cls(**values)
+
+
+def build_model(config: ModelConfig) -> nn.Module:
+    """The network of a config."""
+    block = config.block or None
+    width = {"channels": config.channels, "layers": config.layers, "bands": config.bands}
+    if config.name == "mlp":
+        return MLP(**width)
+    if config.name == "local":
+        return LocalNet(**width, heads=config.heads, neighbours=config.neighbours, block=block)
+    visibility = VisibilityNet(
+        config.visibility_channels,
+        config.visibility_layers,
+        config.heads,
+        config.visibility_directions,
+        config.neighbours,
+        block,
+    )
+    return TwoStage(
+        visibility,
+        CoefficientNet(**width, heads=config.heads, dropout=config.dropout, neighbours=config.neighbours, block=block),
+    )

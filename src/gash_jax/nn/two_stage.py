@@ -1,0 +1,83 @@
+"""The two-stage network of the GNN paper (4.2): visibility from motors, coefficients from motors and visibility.
+
+    stage 1   32 -> Dense 64 -> 3 x [x + ReLU(LayerNorm(TransformerConv(x)))] -> Dense 25 logits
+    stage 2   32 motor + 25 probabilities -> Dense 96 -> 5 x [x + Dropout_0.2(ReLU(GATv2Conv(x)))] -> Dense B²
+
+The paper gives no number of heads: 4 here, concatenated, so that a head has a quarter of the channels. It trains the
+stages one after the other; `TwoStage` holds both, under the parameters "visibility" and "coefficient".
+"""
+
+import jax
+import jax.numpy as jnp
+import jraph
+from flax import linen as nn
+from jaxtyping import Array, Float
+
+from gash_jax.nn.attention import GATv2Conv, TransformerConv, edge_ends
+from gash_jax.nn.closed_form import zero_without_normal
+
+
+class VisibilityNet(nn.Module):
+    """Stage 1: logits of the visibility of `directions` directions of the hemisphere.
+
+    `neighbours`: the k of a graph with a fixed number of them, None for a ragged one. `block`: see `attention`.
+    """
+
+    channels: int = 64
+    layers: int = 3
+    heads: int = 4
+    directions: int = 25
+    neighbours: int | None = 16
+    block: int | None = None
+
+    @nn.compact
+    def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.directions}"]:
+        """Logits of every node; where not `deterministic` (training) all vertices are one block."""
+        ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
+        x = nn.Dense(self.channels, name="embed")(jnp.asarray(graph.nodes["motor"]))  # type: ignore[index]
+        for i in range(self.layers):
+            y = TransformerConv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
+            x = x + nn.relu(nn.LayerNorm(name=f"norm_{i}")(y))
+        return nn.Dense(self.directions, name="head")(x)
+
+
+class CoefficientNet(nn.Module):
+    """Stage 2: coefficients; besides the motor it reads nodes["visibility"], probabilities (v, n)."""
+
+    channels: int = 96
+    layers: int = 5
+    heads: int = 4
+    bands: int = 3
+    dropout: float = 0.2
+    neighbours: int | None = 16
+    block: int | None = None
+
+    @nn.compact
+    def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
+        """Coefficients of every node; where not `deterministic` (training) it needs the random stream "dropout"."""
+        ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
+        nodes = graph.nodes
+        x = jnp.concatenate([nodes["motor"], nodes["visibility"]], axis=-1)  # type: ignore[index]
+        x = nn.Dense(self.channels, name="embed")(x)
+        for i in range(self.layers):
+            y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
+            x = x + nn.Dropout(self.dropout, name=f"dropout_{i}")(nn.relu(y), deterministic=deterministic)
+        x = nn.Dense(self.bands**2, name="head")(x)
+        return zero_without_normal(x, nodes["normal"])  # type: ignore[index]
+
+
+class TwoStage(nn.Module):
+    """Both stages in sequence."""
+
+    visibility: VisibilityNet
+    coefficient: CoefficientNet
+
+    def visibility_logits(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v n"]:
+        """Stage 1 alone."""
+        return self.visibility(graph, deterministic)
+
+    def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v k"]:
+        """Coefficients of every node from the visibility that stage 1 predicts."""
+        probabilities = jax.nn.sigmoid(self.visibility_logits(graph, deterministic))
+        nodes = {**graph.nodes, "visibility": probabilities}  # type: ignore[dict-item]
+        return self.coefficient(graph._replace(nodes=nodes), deterministic)

@@ -1,0 +1,1 @@
+"""Rays, transfer, light, shading: the physics. Knows no network."""

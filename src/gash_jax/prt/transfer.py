@@ -1,0 +1,92 @@
+"""What a bake or a prediction is, the unshadowed closed form, and the transfer file (DESIGN: "Transfer file").
+
+t_k(v) = (1/pi) * integral over the sphere of V(v, w) max(n_v . w, 0) Y_k(w) dw. Without shadows V = 1 and the
+integral is A_l Y_k(n) / pi (Ramamoorthi & Hanrahan 2001): a formula, never sampled.
+"""
+
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from gash_jax.algebra.sh import clamped_cosine_coefficients, evaluate_sh, validate_bands
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
+
+FORMAT, FORMAT_VERSION = "gash-transfer", 1
+CONVENTIONS = (
+    "world right-handed, +y up; real orthonormal SH, polar axis z, k = l*l + l + m, no Condon-Shortley sign; "
+    "transfer (1/pi) integral V cos Y, albedo not included; vertex order of the input file"
+)
+
+
+class Transfer(NamedTuple):
+    """Coefficients per vertex of the input file, and the mesh they belong to (all NumPy)."""
+
+    coefficients: Float[np.ndarray, "v k"]
+    standard_error: Float[np.ndarray, "v k"] | None
+    vertices: Float[np.ndarray, "v 3"]
+    normals: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    metadata: dict[str, Any]
+
+    @property
+    def bands(self) -> int:
+        """SH bands B; there are B² coefficients."""
+        return round(self.coefficients.shape[1] ** 0.5)
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh that was baked."""
+        return Mesh(self.vertices, self.normals, self.faces)
+
+
+def unshadowed_transfer(normals: Float[Array | np.ndarray, "v 3"], bands: int) -> Float[Array, "v k"]:
+    """Exact transfer without shadows, A_l Y_k(n) / pi; a vertex whose normal is zero has transfer 0."""
+    validate_bands(bands)
+    normals = jnp.asarray(normals)
+    factors = jnp.asarray(clamped_cosine_coefficients(bands) / np.pi, jnp.float32)
+    usable = jnp.any(normals != 0, axis=-1, keepdims=True)
+    return jnp.where(usable, evaluate_sh(normals, bands) * factors[None], 0.0)
+
+
+def software_versions() -> dict[str, str]:
+    """Versions that a reader needs to rebuild a result."""
+    packages = ("gash-jax", "jax", "numpy", "embreex", "trimesh")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
+
+
+def make_metadata(bands: int, method: str, parameters: dict[str, Any], **entries: Any) -> dict[str, Any]:
+    """The metadata every transfer file carries, plus what the method has to say."""
+    return {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "bands": bands,
+        "conventions": CONVENTIONS,
+        "method": method,
+        "parameters": parameters,
+        **entries,
+        "software": software_versions(),
+    }
+
+
+def save_transfer(path: str | Path, transfer: Transfer) -> None:
+    """Write a transfer file; plain NumPy reads it without pickle."""
+    arrays = {name: value for name, value in transfer._asdict().items() if name != "metadata" and value is not None}
+    write_npz(path, arrays, transfer.metadata)
+
+
+def load_transfer(path: str | Path) -> Transfer:
+    """Read a transfer file and check that its arrays fit together."""
+    arrays, metadata = read_npz(path, "transfer", ("coefficients", "vertices", "normals", "faces"))
+    coefficients, vertices = arrays["coefficients"], arrays["vertices"]
+    if coefficients.ndim != 2 or len(coefficients) != len(vertices) or metadata.get("format") != FORMAT:
+        raise FileError(f"{path} is not a transfer file: coefficients {coefficients.shape}, vertices {vertices.shape}")
+    if not np.isfinite(coefficients).all():
+        raise FileError(f"{path} holds coefficients that are not finite: bake it again")
+    error = arrays.get("standard_error")
+    return Transfer(coefficients, error, vertices, arrays["normals"], arrays["faces"], metadata)

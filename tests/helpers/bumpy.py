@@ -1,0 +1,25 @@
+"""A closed bumpy mesh of any number of vertices, and rotations, for the tests of graphs and networks."""
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
+
+
+def bumpy_mesh(count: int, seed: int = 0) -> Mesh:
+    """A star-shaped surface over random directions, outward faces."""
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    faces = ConvexHull(directions).simplices.astype(np.int32)
+    a, b, c = (directions[faces[:, i]] for i in range(3))
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    vertices = (directions * (1 + 0.3 * np.sin(5 * directions[:, :1]))).astype(np.float32)
+    return Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces)
+
+
+def random_rotation(seed: int) -> np.ndarray:
+    """A proper rotation, float64."""
+    q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return q * np.linalg.det(q)

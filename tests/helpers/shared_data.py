@@ -1,0 +1,15 @@
+"""Real meshes and maps that may lie beside the checkout; tests that need them skip where they are absent."""
+
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).parents[2].parent / "shared"
+
+
+def shared_file(name: str) -> Path:
+    """Path of a file of the optional data folder, or skip the test."""
+    path = SHARED / "data" / name
+    if not path.exists():
+        pytest.skip(f"needs the optional data folder: ../shared/data/{name} is absent")
+    return path
