@@ -64,7 +64,7 @@ def test_every_model_learns_and_its_file_predicts(items, name: str, tmp_path: Pa
     losses = [line["loss"] for line in lines if line.get("phase") == "coefficients" and "loss" in line]
     assert losses[-1] < losses[0]
     model = load_model(path)
-    assert model.metadata["config"]["train"]["steps"] == 30
+    assert model.metadata["run"]["train"]["steps"] == 30
     predicted = model.predict(bumpy_sphere(8))
     assert predicted.coefficients.shape[1] == 9 and np.isfinite(predicted.coefficients).all()
 

@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 GOLDEN_RATIO = (1.0 + 5.0**0.5) / 2.0
+# Directions this close to an axis count as on it: frames turn by 1/distance per unit there, beyond float32's range.
+_POLE = 1e-30
 
 
 def _namespace(array: Array | np.ndarray) -> Any:
@@ -95,7 +97,9 @@ def orthonormal_frame(normals: Float[Array | np.ndarray, "... 3"]) -> Float[Arra
     x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
     one = xp.ones_like(z)
     largest = xp.maximum(xp.abs(x), xp.abs(y))
-    off_pole = largest > 0.0
+    # Only the ratio of u and v enters, so their scale is a constant for the derivative.
+    largest = largest if xp is np else jax.lax.stop_gradient(largest)
+    off_pole = largest > _POLE
     scale = xp.where(off_pole, largest, one)
     u, v = xp.where(off_pole, x / scale, one), y / scale
     # The lower formula's (1 - z) / (x^2 + y^2), with the squares of the scaled components so that none underflows.

@@ -22,6 +22,7 @@ float32 error, u = 2^-24, for |x|, |y|, |t| <= r:
 So distances come from positions, and points are moved by `apply_motor`.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -39,6 +40,7 @@ def _multivector(parts: dict[int, Array]) -> Float[Array, "... 32"]:
     return jnp.stack([parts.get(blade, zero) for blade in range(32)], axis=-1)
 
 
+@jax.jit
 def embed_point(x: Points) -> Float[Array, "... 32"]:
     """Conformal point X = x + x^2 e_inf/2 + e_o."""
     x = jnp.asarray(x)
@@ -54,6 +56,7 @@ def embed_point(x: Points) -> Float[Array, "... 32"]:
     )
 
 
+@jax.jit
 def extract_point(point: Multivector) -> Float[Array, "... 3"]:
     """Position of a conformal point of any weight -X . e_inf other than zero."""
     point = jnp.asarray(point)
@@ -61,6 +64,7 @@ def extract_point(point: Multivector) -> Float[Array, "... 3"]:
     return jnp.stack([point[..., blade] / weight for blade in (cga.E1, cga.E2, cga.E3)], axis=-1)
 
 
+@jax.jit
 def rotor_from_normal(normals: Points) -> Float[Array, "... 32"]:
     """Rotor that turns e_y to each unit normal along the shortest arc.
 
@@ -136,18 +140,21 @@ def _pure(vector: Array) -> Float[Array, "... 4"]:
     return jnp.concatenate([jnp.zeros_like(vector[..., :1]), vector], axis=-1)
 
 
+@jax.jit
 def translator(t: Points) -> Float[Array, "... 32"]:
     """Translator T = 1 - t e_inf/2."""
     dual = _pure(-0.5 * jnp.asarray(t))
     return _from_dual_quaternion(jnp.zeros_like(dual).at[..., 0].set(1.0), dual)
 
 
+@jax.jit
 def motor(positions: Points, normals: Points) -> Float[Array, "... 32"]:
     """Motor M = T R that takes the origin to a position and e_y to a unit normal; shapes are equal."""
     real = _quaternion(rotor_from_normal(normals))
     return _from_dual_quaternion(real, _multiply(_pure(-0.5 * jnp.asarray(positions)), real))
 
 
+@jax.jit
 def compose(m1: Multivector, m2: Multivector) -> Float[Array, "... 32"]:
     """Geometric product m1 m2 of two motors: the motion m2 followed by m1. Leading shapes broadcast."""
     m1, m2 = jnp.asarray(m1), jnp.asarray(m2)
@@ -161,6 +168,7 @@ def inverse(m: Multivector) -> Float[Array, "... 32"]:
     return cga.reverse(m)
 
 
+@jax.jit
 def rotor_to_matrix(rotor: Multivector) -> Float[Array, "... 3 3"]:
     """Rotation matrix of a unit rotor, or of the rotor part of a unit motor."""
     w, x, y, z = jnp.moveaxis(_quaternion(rotor), -1, 0)
@@ -172,6 +180,7 @@ def rotor_to_matrix(rotor: Multivector) -> Float[Array, "... 3 3"]:
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+@jax.jit
 def matrix_to_rotor(rotation: Float[Array | np.ndarray, "... 3 3"]) -> Float[Array, "... 32"]:
     """Unit rotor of a rotation matrix, its scalar part not negative.
 
@@ -193,12 +202,14 @@ def matrix_to_rotor(rotation: Float[Array | np.ndarray, "... 3 3"]) -> Float[Arr
     return _from_dual_quaternion(q, jnp.zeros_like(q))
 
 
+@jax.jit
 def motor_to_rigid(m: Multivector) -> tuple[Float[Array, "... 3 3"], Float[Array, "... 3"]]:
     """Rotation matrix and translation of a unit motor: x -> rotation x + translation."""
     real, dual = _dual_quaternion(m)
     return rotor_to_matrix(m), -2.0 * _multiply(dual, _conjugate(real))[..., 1:]
 
 
+@jax.jit
 def apply_motor(m: Multivector, points: Points) -> Float[Array, "... 3"]:
     """Move points by unit motors; leading shapes broadcast.
 
@@ -213,6 +224,7 @@ def apply_motor(m: Multivector, points: Points) -> Float[Array, "... 3"]:
     return turned + jnp.broadcast_to(translation, shape)
 
 
+@jax.jit
 def renormalize(m: Multivector) -> Float[Array, "... 32"]:
     """Nearest unit motor: removes the drift of M ~M that rounding builds up over many compositions."""
     real, dual = _dual_quaternion(m)

@@ -23,6 +23,7 @@ def _scaled(
     return jnp.where(is_zero, 1.0, x / scale), scale, is_zero
 
 
+@jax.jit
 def safe_norm(x: Float[Array | np.ndarray, "... d"]) -> Float[Array, "..."]:
     """Euclidean norm over the last axis; the gradient at zero is zero."""
     unit_scale, scale, is_zero = _scaled(jnp.asarray(x))
@@ -30,6 +31,7 @@ def safe_norm(x: Float[Array | np.ndarray, "... d"]) -> Float[Array, "..."]:
     return jnp.where(is_zero, 0.0, norm)[..., 0]
 
 
+@jax.jit
 def safe_normalize(x: Float[Array | np.ndarray, "... d"]) -> Float[Array, "... d"]:
     """Unit vector along x over the last axis; zero, with zero gradient, where x is zero."""
     unit_scale, _, is_zero = _scaled(jnp.asarray(x))

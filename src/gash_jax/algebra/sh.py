@@ -25,9 +25,9 @@ from jaxtyping import Array, Float, Int
 MAX_BANDS = 10
 
 
-def validate_bands(bands: int) -> None:
+def validate_bands(bands: object) -> None:
     """Raise ValueError unless bands is an integer from 1 to MAX_BANDS."""
-    if isinstance(bands, bool) or not isinstance(bands, int | np.integer) or not 1 <= bands <= MAX_BANDS:
+    if isinstance(bands, bool) or not isinstance(bands, int) or not 1 <= bands <= MAX_BANDS:
         raise ValueError(f"bands is {bands!r}: use a whole number from 1 to {MAX_BANDS}")
 
 
@@ -96,19 +96,19 @@ def clamped_cosine_coefficients(bands: int) -> Float[np.ndarray, " k"]:
     return np.array([clamped_cosine(int(band)) for band in band_index(bands)])
 
 
-def hann_window(bands: int, width: float) -> Float[np.ndarray, " k"]:
+def hann_window(bands: int, width: float | int) -> Float[np.ndarray, " k"]:
     """Hann factor for each coefficient k; the first band that vanishes is l = width."""
     ratio = _window_ratio(bands, width)
     return np.where(ratio < 1.0, (1.0 + np.cos(np.pi * ratio)) / 2.0, 0.0)
 
 
-def lanczos_window(bands: int, width: float) -> Float[np.ndarray, " k"]:
+def lanczos_window(bands: int, width: float | int) -> Float[np.ndarray, " k"]:
     """Lanczos factor for each coefficient k; the first band that vanishes is l = width."""
     ratio = _window_ratio(bands, width)
     return np.where(ratio < 1.0, np.sinc(ratio), 0.0)
 
 
-def _window_ratio(bands: int, width: float) -> Float[np.ndarray, " k"]:
+def _window_ratio(bands: int, width: float | int) -> Float[np.ndarray, " k"]:
     if not width > 0.0:
         raise ValueError(f"the width of a window is {width!r}: use a number of bands above 0")
     return band_index(bands) / float(width)

@@ -4,14 +4,15 @@ D(R) is block-diagonal, one orthogonal (2l+1, 2l+1) block per band, with
 
     Y_l(R n) = D_l(R) Y_l(n)   for every direction n.
 
-So the coefficients D(R) c describe the function w -> f(R^-1 w) when c describes f: the function turned by R. D_1 is R
-with its axes in the order (y, z, x). Taken at a fixed set of directions N the definition is a linear system, and
+So the coefficients D(R) c describe the function w -> f(R^-1 w) when c describes f: the function turned by R. D_0 = 1
+and D_1 is R with its axes in the order (y, z, x). For l > 1 the definition, taken at 2l+1 fixed directions N, is a
+square linear system with the exact solution
 
-    D_l(R) = Y_l(R N) pinv(Y_l(N))
+    D_l(R) = Y_l(R N) Y_l(N)^-1,
 
-solves it exactly; the set is chosen such that every Y_l(N) is well conditioned, and the pseudo-inverse is a constant
-formed in float64. Unlike a recurrence in l no error accumulates, half turns are nothing special, and gradients with
-respect to R are those of polynomials. A rotation given as a rotor goes through `motors.rotor_to_matrix`.
+whose inverse is a constant formed in float64. N are approximate Fekete points, so that its condition number is below
+5 in every band. Unlike in a recurrence over l no error accumulates, half turns are nothing special, and the gradients
+with respect to R are those of polynomials. For a rotor or motor use `motors.rotor_to_matrix` first.
 """
 
 import functools
@@ -25,68 +26,69 @@ from jaxtyping import Array, Float
 from gash_jax.algebra.directions import fibonacci_hemisphere
 from gash_jax.algebra.sh import MAX_BANDS, sh_components, validate_bands
 
+_CANDIDATES = 1000
+
+
+def _band(directions: np.ndarray, band: int) -> np.ndarray:
+    """Y_l at (n, 3) directions, (n, 2l+1)."""
+    return np.stack(sh_components(*directions.T, band + 1)[band * band :], axis=-1)
+
 
 @functools.cache
-def _fixed_directions(bands: int) -> np.ndarray:
-    """Directions N, (n, 3): a hemisphere suffices, as Y_l(-n) = (-1)^l Y_l(n)."""
-    return fibonacci_hemisphere(3 * bands)
+def _fixed_system(band: int) -> tuple[np.ndarray, np.ndarray]:
+    """The 2l+1 fixed directions N of a band, (2l+1, 3), and Y_l(N)^-1 with Y_l(N) one column per direction.
+
+    Each next direction is the candidate whose Y_l is furthest from the span of those chosen before. A hemisphere
+    of candidates suffices, as Y_l(-n) = (-1)^l Y_l(n).
+    """
+    candidates = fibonacci_hemisphere(_CANDIDATES)
+    residual = _band(candidates, band)
+    chosen = []
+    for _ in range(2 * band + 1):
+        lengths = np.linalg.norm(residual, axis=1)
+        # The first lengths are all equal but for rounding: the rounded ones make the choice the same everywhere.
+        chosen.append(int(np.argmax(np.round(lengths, 9))))
+        axis = residual[chosen[-1]] / lengths[chosen[-1]]
+        residual = residual - np.outer(residual @ axis, axis)
+    directions = candidates[chosen]
+    return directions, np.linalg.inv(_band(directions, band).T)
 
 
-@functools.cache
-def _inverse_basis(bands: int) -> tuple[np.ndarray, ...]:
-    """Pseudo-inverse of Y_l at the fixed directions for each band, (n, 2l+1)."""
-    basis = np.stack(sh_components(*_fixed_directions(bands).T, bands), axis=-1)
-    return tuple(
-        np.linalg.pinv(basis[:, band * band : (band + 1) ** 2].T) for band in range(bands)
-    )
-
-
-def _turned_basis(rotation: Array, bands: int) -> Array:
-    """Y_k(R N) as (k, n, ...): the batch comes last, where it makes long contiguous rows."""
-    matrix = jnp.moveaxis(rotation, (-2, -1), (0, 1))
-    shape = (-1, *(1,) * (rotation.ndim - 2))
-    directions = [jnp.asarray(axis, rotation.dtype).reshape(shape) for axis in _fixed_directions(bands).T]
-    turned = (sum(entry[None] * axis for entry, axis in zip(row, directions, strict=True)) for row in matrix)
-    return jnp.stack([jnp.asarray(component) for component in sh_components(*turned, bands)])
+def _block(rotation: Array, band: int) -> Array:
+    """D_l of rotation matrices."""
+    if band == 0:
+        return jnp.ones_like(rotation[..., :1, :1])
+    if band == 1:
+        order = np.array([1, 2, 0])
+        return rotation[..., order[:, None], order]
+    directions, inverse = (jnp.asarray(constant, rotation.dtype) for constant in _fixed_system(band))
+    turned = jnp.einsum("...ij,nj->...ni", rotation, directions, precision="highest")
+    components = sh_components(turned[..., 0], turned[..., 1], turned[..., 2], band + 1)[band * band :]
+    basis = jnp.stack([jnp.asarray(component) for component in components], axis=-2)
+    return jnp.matmul(basis, inverse, precision="highest")
 
 
 @functools.partial(jax.jit, static_argnames="bands")
-def sh_rotation_blocks(
-    rotation: Float[Array | np.ndarray, "... 3 3"], bands: int
-) -> list[Float[Array, "... _ _"]]:
+def sh_rotation_blocks(rotation: Float[Array | np.ndarray, "... 3 3"], bands: int) -> list[Float[Array, "... _ _"]]:
     """Blocks D_0 .. D_(bands - 1) of rotation matrices, (..., 2l+1, 2l+1) each."""
     validate_bands(bands)
-    rotation = jnp.asarray(rotation)
-    turned = _turned_basis(rotation, bands)
-    blocks = []
-    for band, inverse in enumerate(_inverse_basis(bands)):
-        basis, inverse = turned[band * band : (band + 1) ** 2], jnp.asarray(inverse, rotation.dtype)
-        blocks.append(jnp.einsum("in...,nj->...ij", basis, inverse, precision="highest"))
-    return blocks
+    return [_block(jnp.asarray(rotation), band) for band in range(bands)]
 
 
 @jax.jit
 def rotate_coefficients(
-    coefficients: Float[Array | np.ndarray, "... k"], rotation: Float[Array | np.ndarray, "... 3 3"]
+    coefficients: Float[Array | np.ndarray, "*v k"], rotation: Float[Array | np.ndarray, "*r 3 3"]
 ) -> Float[Array, "... k"]:
-    """Coefficients of the function turned by the rotation: D(R) c. Leading shapes broadcast.
-
-    D_l(R) c_l = Y_l(R N) (pinv(Y_l(N)) c_l) needs no blocks.
-    """
-    coefficients, rotation = jnp.asarray(coefficients), jnp.asarray(rotation)
+    """Coefficients of the function turned by the rotation: D(R) c. Leading shapes broadcast."""
+    coefficients = jnp.asarray(coefficients)
     bands = math.isqrt(coefficients.shape[-1])
     if bands * bands != coefficients.shape[-1] or not 1 <= bands <= MAX_BANDS:
         raise ValueError(
             f"{coefficients.shape[-1]} coefficients are no whole number of bands: the last axis must hold bands^2, "
             f"bands from 1 to {MAX_BANDS} (put colours on a leading axis)"
         )
-    batch = np.broadcast_shapes(coefficients.shape[:-1], rotation.shape[:-2])
-    rotation = rotation.reshape(*(1,) * (len(batch) + 2 - rotation.ndim), *rotation.shape)
-    turned = _turned_basis(rotation, bands)
-    parts = []
-    for band, inverse in enumerate(_inverse_basis(bands)):
-        part = coefficients[..., band * band : (band + 1) ** 2]
-        part = part.reshape(*(1,) * (len(batch) + 1 - part.ndim), *part.shape)
-        samples = jnp.einsum("...j,nj->n...", part, jnp.asarray(inverse, part.dtype), precision="highest")
-        parts.append(jnp.sum(turned[band * band : (band + 1) ** 2] * samples[None], axis=1))
-    return jnp.moveaxis(jnp.concatenate(parts), 0, -1)
+    parts = [
+        jnp.einsum("...ij,...j->...i", block, coefficients[..., band * band : (band + 1) ** 2], precision="highest")
+        for band, block in enumerate(sh_rotation_blocks(rotation, bands))
+    ]
+    return jnp.concatenate(parts, axis=-1)

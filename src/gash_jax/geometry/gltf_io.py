@@ -51,7 +51,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
             normals.append(tilts)
             faces.append((triangles[:, ::-1] if turn else triangles) + count)
             count += len(points)
-    note = f"{skipped} primitives of points or lines: left out"
+    note = f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out"
     return RawMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), (note,) if skipped else ())
 
 

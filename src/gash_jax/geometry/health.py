@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from gash_jax.geometry.findings import describe
-from gash_jax.geometry.mesh import Mesh, MeshError, face_areas, face_components, referenced_by
+from gash_jax.geometry.mesh import Mesh, MeshError, face_areas, face_components, referenced, referenced_by
 from gash_jax.geometry.normals import VertexNormals, vertex_normals
 from gash_jax.geometry.orientation import Orientation, orient
 from gash_jax.geometry.topology import (
@@ -176,7 +176,7 @@ def _report(
     notes = describe(counts, first)
     if planar:
         notes.append("the mesh is flat: nothing shadows it, its transfer is the closed form")
-    spacing = float(np.spacing(np.abs(mesh.vertices).max())) / diagonal
+    spacing = float(np.spacing(np.abs(mesh.vertices[referenced(mesh)]).max())) / diagonal
     if spacing > COARSE:
         notes.append(
             f"the mesh lies far from the origin: its float32 coordinates have steps of {spacing:.0e} of its size; "

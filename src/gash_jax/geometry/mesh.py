@@ -82,6 +82,7 @@ def angle_weighted_normals(
     unit = normalized(cross)
     sums = np.stack([np.bincount(corner, (angles * n[:, None]).ravel(), len(vertices)) for n in unit.T], axis=1)
     total = np.bincount(corner, angles.ravel(), len(vertices))
+    sums = sums.astype(np.float64)  # bincount of nothing has integers
     sums[lengths(sums) <= 1e-9 * total] = 0.0  # opposite faces: nothing but rounding is left
     return normalized(sums)
 

@@ -48,11 +48,12 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Health
     if up not in TO_Y_UP:
         raise MeshError(f"unknown up axis {up!r}: choose one of {', '.join(TO_Y_UP)}")
     raw = _read(Path(path))
-    turn = TO_Y_UP[up].T
+    vertices, normals = raw.vertices, raw.normals
+    if up != "y":
+        with np.errstate(all="ignore"):
+            vertices = vertices.astype(np.float64) @ TO_Y_UP[up].T
+            normals = None if normals is None else normals.astype(np.float64) @ TO_Y_UP[up].T
     try:
-        with np.errstate(all="ignore"):  # NaN and infinity are found by the checks
-            vertices = raw.vertices.astype(np.float64) @ turn if up != "y" else raw.vertices
-            normals = raw.normals.astype(np.float64) @ turn if raw.normals is not None and up != "y" else raw.normals
         mesh, report = prepare_mesh(vertices, raw.faces, normals)
     except MeshError as error:
         raise MeshError(f"{os.fspath(path)}: {error}") from None
@@ -82,7 +83,8 @@ def _read(path: Path) -> RawMesh:
     if not data:
         raise MeshError(f"{path}: the file is empty, copy or export it again")
     try:
-        return reader(data, path.parent)
+        with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
+            return reader(data, path.parent)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, MemoryError, RecursionError):

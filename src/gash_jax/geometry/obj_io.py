@@ -20,7 +20,7 @@ def read_obj(data: bytes) -> RawMesh:
     """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, negative numbers, polygons) and normals. Raises MeshError."""
     characters, begins = _lines(data)
     second = characters[np.minimum(begins + 1, len(characters) - 1)]
-    blank = (second == _BLANK) | (second == 9)
+    blank = second <= _BLANK
     is_vertex = (characters[begins] == ord("v")) & blank
     is_normal = (characters[begins] == ord("v")) & (second == ord("n"))
     is_face = (characters[begins] == ord("f")) & blank

@@ -1,5 +1,6 @@
 """What file readers hand over before any check, and the parsing they share."""
 
+import re
 import warnings
 from typing import NamedTuple
 
@@ -7,6 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 
 from gash_jax.geometry.mesh import MeshError
+
+_NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 
 
 class RawMesh(NamedTuple):
@@ -34,7 +37,7 @@ def fan_triangulate(
     return faces.astype(np.int64), (note,) if few else ()
 
 
-def parse_rows(text: bytes) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "r+1"]]:
+def parse_rows(text: bytes) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "s"]]:
     """All numbers of a text, and the number each non-empty line starts with (the total follows as last).
 
     Raises MeshError if a word is not a number.
@@ -44,20 +47,28 @@ def parse_rows(text: bytes) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "r+
     first = solid.copy()
     first[1:] &= ~solid[:-1]
     line = np.cumsum(characters == 10)[first]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what cannot be read is found by the count
-        numbers = np.fromstring(text, dtype=np.float64, sep=" ") if len(line) else np.zeros(0)
+    numbers = _numbers(text) if len(line) else np.zeros(0)
     if len(numbers) != len(line):
-        word = text.split(maxsplit=len(numbers) + 1)[min(len(numbers), len(line) - 1)]
+        word = next((word for word in text.split() if not _NUMBER.fullmatch(word)), b"a word")
         raise MeshError(f"{word[:30].decode(errors='replace')!r} is not a number: the file is damaged")
     new = np.ones(len(line), dtype=bool)
     new[1:] = line[1:] != line[:-1]
     return numbers, np.append(np.flatnonzero(new), len(line))
 
 
+def _numbers(text: bytes) -> Float[np.ndarray, "n"]:
+    """The numbers of a text up to the first word that is none; nothing at all if NumPy is of a strict version."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        try:
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+        except ValueError:
+            return np.zeros(0)
+
+
 def leading_columns(
-    numbers: Float[np.ndarray, "n"], starts: Int[np.ndarray, "r+1"], columns: int
-) -> Float[np.ndarray, "r c"]:
+    numbers: Float[np.ndarray, "n"], starts: Int[np.ndarray, "s"], columns: int
+) -> Float[np.ndarray, "r {columns}"]:
     """The first `columns` numbers of each row; MeshError if a row has fewer."""
     if np.any(np.diff(starts) < columns):
         row = int(np.argmax(np.diff(starts) < columns))

@@ -6,6 +6,7 @@ and no edge crosses from padding to real nodes. Its scale is 0, which no real gr
 """
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import jax.numpy as jnp
 import jraph
@@ -22,14 +23,17 @@ def fixed_neighbours(graph: jraph.GraphsTuple) -> int:
     return k
 
 
-def _zeros(tree: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
-    return {name: np.zeros((rows, *leaf.shape[1:]), leaf.dtype) for name, leaf in tree.items()}
+def _zeros(tree: object, rows: int) -> dict[str, np.ndarray]:
+    return {
+        name: np.zeros((rows, *leaf.shape[1:]), leaf.dtype) for name, leaf in cast(dict[str, np.ndarray], tree).items()
+    }
 
 
 def _side_by_side(graphs: Sequence[jraph.GraphsTuple]) -> jraph.GraphsTuple:
     """`jraph.batch_np`, which makes the edges int64, in int32."""
     joined = jraph.batch_np(list(graphs))
-    return joined._replace(senders=joined.senders.astype(np.int32), receivers=joined.receivers.astype(np.int32))  # type: ignore[union-attr]
+    senders, receivers = (np.asarray(ends, np.int32) for ends in (joined.senders, joined.receivers))
+    return joined._replace(senders=senders, receivers=receivers)
 
 
 def pad_graph(graph: jraph.GraphsTuple, n_node: int) -> jraph.GraphsTuple:
@@ -38,16 +42,16 @@ def pad_graph(graph: jraph.GraphsTuple, n_node: int) -> jraph.GraphsTuple:
     if used > n_node:
         raise ValueError(f"graph of {used} nodes cannot be padded to {n_node}: choose a larger size")
     own = np.repeat(np.arange(n_node - used, dtype=np.int32), k)
-    padding = jraph.GraphsTuple(
-        nodes=_zeros(graph.nodes, n_node - used),  # type: ignore[arg-type]
-        edges=_zeros(graph.edges, len(own)),  # type: ignore[arg-type]
-        senders=own,
-        receivers=own,
-        globals=_zeros(graph.globals, 1),  # type: ignore[arg-type]
-        n_node=np.array([n_node - used], np.int32),
-        n_edge=np.array([len(own)], np.int32),
-    )
-    return _side_by_side([graph, padding])
+    padding: dict[str, Any] = {
+        "nodes": _zeros(graph.nodes, n_node - used),
+        "edges": _zeros(graph.edges, len(own)),
+        "senders": own,
+        "receivers": own,
+        "globals": _zeros(graph.globals, 1),
+        "n_node": np.array([n_node - used], np.int32),
+        "n_edge": np.array([len(own)], np.int32),
+    }
+    return _side_by_side([graph, jraph.GraphsTuple(**padding)])
 
 
 def batch_graphs(graphs: Sequence[jraph.GraphsTuple], sizes: Sequence[int]) -> jraph.GraphsTuple:
@@ -69,6 +73,5 @@ def batch_graphs(graphs: Sequence[jraph.GraphsTuple], sizes: Sequence[int]) -> j
 
 def node_mask(graph: jraph.GraphsTuple) -> Bool[Array, "v"]:
     """True on real nodes, False on padding; works under jit."""
-    n_node = graph.nodes["position"].shape[0]  # type: ignore[index]
-    scale = jnp.asarray(graph.globals["scale"])  # type: ignore[index]
-    return jnp.repeat(scale > 0, jnp.asarray(graph.n_node), total_repeat_length=n_node)
+    positions, scale = cast(dict, graph.nodes)["position"], jnp.asarray(cast(dict, graph.globals)["scale"])
+    return jnp.repeat(scale > 0, jnp.asarray(graph.n_node), total_repeat_length=len(positions))

@@ -16,8 +16,9 @@ Edge from j to i, with offset o = p_j - p_i, d = |o|, u = F_i^T o / d and m = F_
     12-14  m (m_z = n_i . n_j)
     15     n_j . o / d
 
-They do not change when the mesh is rotated, translated or scaled with the same edges: positions are those of the
-normalised graph, in units of its scale. Nothing absolute enters. Where d = 0 all terms with o / d are 0.
+Lengths are in units that the mesh itself defines (`mesh_graph.surface_radius`; the bounding box would not do, as it
+changes with rotation). So the features do not change when the mesh is rotated, translated or scaled with the same
+edges. Nothing absolute enters. Where d = 0 all terms with o / d are 0.
 """
 
 import jax
@@ -34,15 +35,24 @@ DISTANCE_FLOOR = 1e-4
 DISTANCE_SCALES = (0.02, 0.1, 0.5)
 # a shorter mean unit offset has no direction to rely on in float32
 VANISHING_OFFSET = 1e-3
-# edges per compiled call: one size for every mesh, small enough for the cache
+# edges and vertices per compiled call: one size for every mesh, small enough for the cache
 EDGE_BLOCK = 1 << 15
+VERTEX_BLOCK = 1 << 12
+
+_motor = jax.jit(motor)
 
 
 def motor_nodes(
     positions: Float[Array | np.ndarray, "v 3"], normals: Float[Array | np.ndarray, "v 3"]
 ) -> Float[np.ndarray, "v 32"]:
     """The motor of every vertex, float32; positions in units of the graph's scale."""
-    return np.asarray(motor(jnp.asarray(positions), jnp.asarray(normals)), np.float32)
+    motors = np.empty((len(positions), 32), np.float32)
+    for start in range(0, len(positions), VERTEX_BLOCK):
+        used = min(VERTEX_BLOCK, len(positions) - start)
+        block = np.zeros((2, VERTEX_BLOCK, 3), np.float32)
+        block[:, :used] = positions[start : start + used], normals[start : start + used]
+        motors[start : start + used] = np.asarray(_motor(block[0], block[1]))[:used]
+    return motors
 
 
 def _unit_offsets(positions: np.ndarray, senders: np.ndarray, receivers: np.ndarray) -> np.ndarray:
@@ -67,7 +77,7 @@ def vertex_frames(
     tangent = tangent / np.where(length > 0, length, 1)
     frames = np.stack([tangent, np.cross(normals, tangent), normals], axis=-1)
     vanishing = np.flatnonzero(length[:, 0] < VANISHING_OFFSET)
-    frames[vanishing] = np.asarray(orthonormal_frame(jnp.asarray(normals[vanishing], jnp.float32)))
+    frames[vanishing] = orthonormal_frame(normals[vanishing])
     frames[~np.any(normals, axis=1)] = np.eye(3)
     return frames.astype(np.float32)
 

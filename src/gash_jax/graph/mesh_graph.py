@@ -11,11 +11,13 @@ moved to the box's nearest point. In graphs with a fixed number of neighbours k 
 i*k ... i*k + k - 1, which is what networks rely on to gather instead of scatter. All arrays are NumPy, float32.
 """
 
+from typing import Any, cast
+
 import jraph
 import numpy as np
 from jaxtyping import Int
 
-from gash_jax.geometry.mesh import Mesh, center_and_scale, referenced
+from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced
 from gash_jax.graph.encoding import motor_nodes, relative_edges, vertex_frames
 from gash_jax.graph.neighbours import RING_DRAWS, RING_SHARES, knn, mesh_edges, radius_edges, rings
 
@@ -30,18 +32,16 @@ def _graph(mesh: Mesh, senders: Int[np.ndarray, "e"], receivers: Int[np.ndarray,
         corner = np.abs(positions[~loose]).max(axis=0)
         positions[loose] = np.clip(positions[loose], -corner, corner)
     positions, normals = positions.astype(np.float32), np.asarray(mesh.normals, np.float32)
-    return Graph(
-        nodes={"motor": motor_nodes(positions, normals), "position": positions, "normal": normals},
-        edges={},
-        senders=senders,
-        receivers=receivers,
-        globals={
-            "center": np.asarray(center, np.float32).reshape(1, 3),
-            "scale": np.full(1, scale, np.float32),
-        },
-        n_node=np.array([len(positions)], np.int32),
-        n_edge=np.array([len(senders)], np.int32),
-    )
+    fields: dict[str, Any] = {
+        "nodes": {"motor": motor_nodes(positions, normals), "position": positions, "normal": normals},
+        "edges": {},
+        "senders": senders,
+        "receivers": receivers,
+        "globals": {"center": np.asarray(center, np.float32).reshape(1, 3), "scale": np.full(1, scale, np.float32)},
+        "n_node": np.array([len(positions)], np.int32),
+        "n_edge": np.array([len(senders)], np.int32),
+    }
+    return Graph(**fields)
 
 
 def _table_graph(mesh: Mesh, table: Int[np.ndarray, "v k"]) -> Graph:
@@ -49,13 +49,29 @@ def _table_graph(mesh: Mesh, table: Int[np.ndarray, "v k"]) -> Graph:
     return _graph(mesh, table.reshape(-1), receivers)
 
 
-def with_relative_edges(graph: Graph) -> Graph:
-    """The graph with nodes["frame"] and edges["relative"] added."""
-    nodes: dict[str, np.ndarray] = graph.nodes  # type: ignore[assignment]
-    ends = graph.senders, graph.receivers
-    frames = vertex_frames(nodes["position"], nodes["normal"], *ends)  # type: ignore[arg-type]
-    relative = relative_edges(nodes["position"], nodes["normal"], frames, *ends)  # type: ignore[arg-type]
-    return graph._replace(nodes={**nodes, "frame": frames}, edges={**graph.edges, "relative": relative})
+def surface_radius(mesh: Mesh) -> float:
+    """Root mean square distance of the surface from its centroid (each face at its own); 0 without area.
+
+    The unit of edge lengths: unlike the box it turns with the mesh, and unlike the vertices it does not depend on
+    how finely each part is triangulated.
+    """
+    center, scale = center_and_scale(mesh)
+    middles = ((mesh.vertices.astype(np.float64)[mesh.faces] - center) / scale).mean(axis=1)
+    areas = face_areas(mesh.vertices, mesh.faces) / scale**2
+    total = max(areas.sum(), np.finfo(float).tiny)
+    centroid = areas @ middles / total
+    return scale * float(np.sqrt(areas @ np.sum((middles - centroid) ** 2, axis=1) / total))
+
+
+def with_relative_edges(graph: Graph, mesh: Mesh) -> Graph:
+    """The mesh's graph with nodes["frame"] and edges["relative"] added; lengths in units of `surface_radius`."""
+    nodes = cast(dict[str, np.ndarray], graph.nodes)
+    senders, receivers = np.asarray(graph.senders), np.asarray(graph.receivers)
+    _, scale = center_and_scale(mesh)
+    positions = nodes["position"] * np.float32(scale / (surface_radius(mesh) or scale))
+    frames = vertex_frames(positions, nodes["normal"], senders, receivers)
+    relative = relative_edges(positions, nodes["normal"], frames, senders, receivers)
+    return graph._replace(nodes={**nodes, "frame": frames}, edges={"relative": relative})
 
 
 def knn_graph(mesh: Mesh, k: int = 16) -> Graph:
@@ -81,7 +97,8 @@ def edgeless_graph(mesh: Mesh) -> Graph:
 
 def rings_graph(mesh: Mesh, seed: int = 0, each: int = RING_DRAWS) -> Graph:
     """`each` neighbours from every ring, near to far, with relative edges; e = v * 4 * each. See `neighbours.rings`."""
-    return with_relative_edges(_table_graph(mesh, rings(mesh.vertices, seed, RING_SHARES, each, referenced(mesh))))
+    table = rings(mesh.vertices, seed, RING_SHARES, each, referenced(mesh))
+    return with_relative_edges(_table_graph(mesh, table), mesh)
 
 
 def build_graph(mesh: Mesh, kind: str, neighbours: int, seed: int = 0) -> Graph:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gash_jax.geometry.mesh import unique_edges
 
@@ -34,8 +34,9 @@ def _nearest(points: np.ndarray, serving: np.ndarray, k: int) -> Int[np.ndarray,
     if len(serving) == 0:
         return np.repeat(everyone, k, axis=1)
     count = min(k + 1, len(serving))
-    distance, found = cKDTree(points[serving]).query(points, np.arange(1, count + 1), workers=-1)
-    found = serving[found].astype(np.int32)
+    distance, found = KDTree(points[serving]).query(points, count, workers=-1)
+    # for one neighbour the tree drops the axis
+    distance, found = np.reshape(distance, (-1, count)), serving[np.reshape(found, (-1, count))].astype(np.int32)
     # the receiver itself goes first, where it is skipped, also among points that coincide with it
     distance = np.where(found == everyone, -1.0, distance)
     tied = np.flatnonzero(np.any(distance[:, 1:] <= distance[:, :-1], axis=1))
@@ -64,7 +65,7 @@ def radius_edges(
     if not 0 < r < np.inf:
         raise ValueError(f"radius {r}: must be positive and finite")
     serving = _serving(points, valid)
-    pairs = serving[cKDTree(np.asarray(points, np.float64)[serving]).query_pairs(r, output_type="ndarray")]
+    pairs = serving[KDTree(np.asarray(points, np.float64)[serving]).query_pairs(r, output_type="ndarray")]
     return _both_directions(pairs)
 
 

@@ -27,19 +27,18 @@ def lattice(rng: np.random.Generator, target: int) -> Triangles:
     elif style == 3:  # frame with windows
         filled = np.zeros((2 * int(rng.integers(1, 5)) + 1, 2 * int(rng.integers(1, 4)) + 1, 1), bool)
         filled[::2], filled[:, ::2] = True, True
-    else:  # random boxes about a common core
+    else:  # boxes added to a core and cut from it
         size = rng.integers(4, 8, size=3)
         filled = np.zeros(size, bool)
-        for _ in range(int(rng.integers(3, 9))):
-            low = [int(rng.integers(0, n // 2 + 1)) for n in size]
-            high = [int(rng.integers(n // 2 + 1, n + 1)) for n in size]
-            filled[low[0] : high[0], low[1] : high[1], low[2] : high[2]] ^= rng.random() < 0.2
-            filled[tuple(slice(n // 2, n // 2 + 1) for n in size)] = True
-            filled[low[0] : high[0], low[1] : high[1], low[2] : high[2]] |= rng.random() < 0.6
+        for number in range(int(rng.integers(4, 11))):
+            low = [int(rng.integers(0, n - 1)) for n in size]
+            high = [int(rng.integers(start + 1, n + 1)) for start, n in zip(low, size, strict=True)]
+            filled[tuple(map(slice, low, high))] = number == 0 or rng.random() < 0.6
+        filled[tuple(slice(n // 2, n // 2 + 1) for n in size)] = True
     return lattice_surface(_without_loose(filled), _spans(rng, filled.shape, style), rng)
 
 
-def _spans(rng: np.random.Generator, shape: tuple[int, ...], style: int) -> list[Float[np.ndarray, "n"]]:
+def _spans(rng: np.random.Generator, shape: tuple[int, ...], style: int) -> list[Float[np.ndarray, "_"]]:
     """Grid coordinates: posts and fins thin, gaps wide or narrow, everything within about the unit cube."""
     spans = []
     for axis, count in enumerate(shape):
@@ -54,7 +53,7 @@ def _spans(rng: np.random.Generator, shape: tuple[int, ...], style: int) -> list
 
 
 def _without_loose(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Fill cells until no two filled cells touch along an edge or at a corner alone."""
+    """Fill cells until no two filled cells touch along an edge alone."""
     for _ in range(8):
         padded = filled.copy()
         for axis_a, axis_b in ((0, 1), (0, 2), (1, 2)):
@@ -69,7 +68,7 @@ def _without_loose(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z
 
 
 def lattice_surface(
-    filled: Bool[np.ndarray, "x y z"], spans: list[Float[np.ndarray, "n"]], rng: np.random.Generator
+    filled: Bool[np.ndarray, "x y z"], spans: list[Float[np.ndarray, "_"]], rng: np.random.Generator
 ) -> Triangles:
     """Faces between filled and empty cells, welded at the lattice points, centred on the origin."""
     occupied = np.pad(filled, 1)

@@ -17,7 +17,8 @@ from gash_jax.learn.triangles import Triangles, join, moved, outward
 
 def gear(rng: np.random.Generator, target: int) -> Triangles:
     """Toothed, scalloped or polygonal rings with a bore and a hub, from a few closed outlines."""
-    teeth, per_tooth = int(rng.integers(5, 33)), int(rng.integers(4, 9))
+    per_tooth = int(rng.integers(4, 9))
+    teeth = int(rng.integers(5, max(6, min(33, target // (8 * per_tooth)))))  # at most eight outlines
     phase = np.arange(teeth * per_tooth) / per_tooth % 1.0
     style, depth = int(rng.integers(3)), rng.uniform(0.08, 0.3)
     tooth = (np.clip(2.5 * np.abs(2 * phase - 1) - 0.75, 0, 1), np.cos(2 * np.pi * phase), phase)[style]
@@ -96,7 +97,7 @@ def _inside_convex(outline: Float[np.ndarray, "n 2"], point: Float[np.ndarray, "
     return float(np.sum((point - outline) * normal, axis=1).min())
 
 
-def _extruded(loops: list[Float[np.ndarray, "n 2"]], height: float) -> Triangles:
+def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> Triangles:
     """Prism over a rim (counter-clockwise) with holes (clockwise), see `_drilled`."""
     points = np.concatenate(loops)
     owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])

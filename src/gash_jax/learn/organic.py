@@ -10,6 +10,7 @@ from jaxtyping import Float
 from gash_jax.learn.parametric import sphere_points
 from gash_jax.learn.sdf import (
     Field,
+    Vector,
     box,
     capsule,
     creases,
@@ -23,8 +24,9 @@ from gash_jax.learn.sdf import (
     union,
     value_noise,
     wave_noise,
+    winding_folds,
 )
-from gash_jax.learn.triangles import Triangles, random_rotation
+from gash_jax.learn.triangles import Triangles, largest_parts, random_rotation
 
 
 def random_solid(rng: np.random.Generator, size: float) -> Field:
@@ -61,20 +63,25 @@ def folded(rng: np.random.Generator, target: int) -> Triangles:
     """One or two lobes with winding furrows along the zero set of a noise, as on brains, wood and stone."""
     spread = rng.uniform(0.0, 0.42) if rng.random() < 0.35 else 0.0
     radii = np.array([[0.75, 0.85, 1.0]]) * rng.uniform(0.85, 1.15, size=(2, 3))
-    lobes = [_ellipsoid((side * spread, 0, 0), r) for side, r in zip((-1, 1), radii, strict=True)]
+    lobes = [_ellipsoid((side * spread, 0.0, 0.0), r) for side, r in zip((-1, 1), radii, strict=True)]
     body = union(lobes, rng.uniform(0.0, 0.15)) if spread else lobes[0]
     # a furrow is about width / frequency wide: four edges or more across it
     frequency = rng.uniform(1.2, 0.9 + 0.05 * np.sqrt(target))
     depth, width = rng.uniform(0.1, 0.45), rng.uniform(0.14, 0.4)
     furrows = creases(value_noise(rng, frequency, octaves=1), width)
+    if rng.random() < 0.4:
+        furrows = winding_folds(value_noise(rng, 1.0, octaves=1), rng.uniform(1.0, max(1.2, 0.8 + 0.025 * np.sqrt(target))))
     bumps, bump_height = value_noise(rng, rng.uniform(2, 5), octaves=2), rng.uniform(0.0, 0.04)
+    upright = rng.random() < 0.6  # furrows that go straight down, as sulci do, or any way, as in rock
     warp, bend = [wave_noise(rng, 0.6, 3) for _ in range(3)], rng.uniform(0.0, 0.2)
 
     def solid(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         bent = points + bend * np.stack([noise(points) for noise in warp], -1)
+        if upright:
+            bent = bent / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 0.3)
         return body(points) + depth * furrows(bent) + bump_height * bumps(points)
 
-    return surface_of(solid, rng, target, 1.7)
+    return largest_parts(surface_of(solid, rng, target, 1.7), 0.2)
 
 
 def displaced(rng: np.random.Generator, target: int) -> Triangles:
@@ -223,7 +230,7 @@ def cavity(rng: np.random.Generator, target: int) -> Triangles:
     return surface_of(solid, rng, target, 2.0)
 
 
-def _ellipsoid(centre: tuple[float, float, float], radii: Float[np.ndarray, "3"]) -> Field:
+def _ellipsoid(centre: Vector, radii: Float[np.ndarray, "3"]) -> Field:
     scale = np.asarray(radii, np.float32)
     at = np.asarray(centre, np.float32)
     return lambda points: (np.linalg.norm((points - at) / scale, axis=-1) - 1.0) * scale.min()

@@ -113,7 +113,7 @@ def revolved(
     profile: Float[np.ndarray, "r 2"],
     columns: int,
     rng: np.random.Generator,
-    ripple: Float[np.ndarray, "r c"] | float = 1.0,
+    ripple: Float[np.ndarray, "#r c"] | float = 1.0,
     closed_rows: bool = False,
     poles: tuple[bool, bool] = (False, False),
 ) -> Triangles:

@@ -14,7 +14,7 @@ from skimage.measure import marching_cubes
 
 from gash_jax.learn.triangles import Triangles, largest_parts, random_rotation
 
-Vector = Float[np.ndarray, "3"] | Sequence[float]
+Vector = Float[np.ndarray, "3"] | Sequence[float | int]
 Field = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
 
 
@@ -139,6 +139,11 @@ def wave_noise(rng: np.random.Generator, frequency: float, waves: int, spread: f
 def creases(noise: Field, width: float) -> Field:
     """1 along the zero set of the noise, falling to 0 over `width` of its values: winding narrow furrows."""
     return lambda points: np.exp(-np.square(noise(points) / width))
+
+
+def winding_folds(noise: Field, count: float) -> Field:
+    """0..1 in `count` rounds per unit of the noise: ridges and furrows side by side, as on a brain."""
+    return lambda points: 0.5 + 0.5 * np.cos(2 * np.pi * count * noise(points))
 
 
 def surface_of(field: Field, rng: np.random.Generator, target: int, radius: float) -> Triangles:

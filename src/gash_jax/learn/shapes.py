@@ -102,7 +102,8 @@ RECIPES: dict[str, Recipe] = {
 }
 SHAPE_KINDS = tuple(RECIPES)
 OPEN_KINDS = ("vessel", "sheet", "scene")  # may have boundary edges; every other kind is closed
-ANGULAR_RECIPES = (gear, plate, lattice, boxes, scene, posed)  # tangential smoothing would round their edges
+# without long flat fans and sharp rims, which moving vertices would tear
+SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
 
 def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> Triangles:
@@ -110,12 +111,13 @@ def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> Tria
     way = rng.choice(["plain", "decimated", "regions", "edges"], p=[0.35, 0.25, 0.2, 0.2])
     ratio = {"plain": 1.0, "decimated": rng.uniform(1.15, 1.6), "regions": rng.uniform(0.5, 0.8), "edges": 0.7}[way]
     surface = recipe(rng, round(ratio * target))
-    if recipe not in ANGULAR_RECIPES and rng.random() < 0.5:
+    if recipe in SMOOTH_RECIPES and rng.random() < 0.5:
         surface = relax(surface, int(rng.integers(1, 6)))
     if way == "regions":
         surface = refine_regions(surface, rng, target)
-    surface = collapse(refine_to(surface, round(0.9 * target)), rng, round(1.1 * target))
-    if recipe not in ANGULAR_RECIPES and rng.random() < 0.4:
+    metric = np.exp(rng.normal(scale=0.9, size=3)) if rng.random() < 0.5 else None
+    surface = collapse(refine_to(surface, round(0.9 * target), metric), rng, round(1.1 * target))
+    if recipe in SMOOTH_RECIPES and rng.random() < 0.4:
         surface = jitter(surface, rng, rng.uniform(0.1, 0.45))
     return surface
 

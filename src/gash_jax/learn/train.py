@@ -142,7 +142,7 @@ def train_model(
             fresh = make_optimizer(config.optim).init(state.best)
             state = TrainState(state.best, state.best, error, fresh, following, 0, 0.0)
     path = folder / "model.npz"
-    save_model(path, config.model, state.best, name=config.name, config=config.to_dict(), validation=state.best_error)
+    save_model(path, config.model, state.best, name=config.name, run=config.to_dict(), validation=state.best_error)
     return path
 
 

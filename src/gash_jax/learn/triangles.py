@@ -32,7 +32,7 @@ def join(parts: Sequence[Triangles]) -> Triangles:
 def moved(
     surface: Triangles,
     rotation: Float[np.ndarray, "3 3"] | None = None,
-    offset: Float[np.ndarray, "3"] | Sequence[float] | float = 0.0,
+    offset: Float[np.ndarray, "3"] | Sequence[float | int] | float = 0.0,
     scale: float = 1.0,
 ) -> Triangles:
     """The surface under x -> scale * rotation x + offset."""

@@ -15,6 +15,7 @@ read the same parameters. Masked edges count for nothing; a vertex without edges
 """
 
 from collections.abc import Callable
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -52,14 +53,20 @@ def _segment_attend(
 ) -> Float[Array, "v h c"]:
     """Softmax per receiver and weighted sum; masked edges are sent to one more segment that is thrown away."""
     segments = receivers if mask is None else jnp.where(mask, receivers, n_node)
-    weights = jraph.segment_softmax(logits, segments, n_node + 1)
+    weights = cast(Array, jraph.segment_softmax(logits, segments, n_node + 1))
     return jax.ops.segment_sum(weights[..., None] * values, segments, n_node + 1)[:n_node]
 
 
-def over_vertices(function: Callable[..., Array], arguments: tuple[Array | None, ...], block: int | None) -> Array:
-    """`function` mapped over vertices, all at once or `block` at a time so that what it gathers stays in the cache."""
+def over_vertices(
+    function: Callable[..., Array], arguments: tuple[Array | np.ndarray | None, ...], block: int | None
+) -> Array:
+    """`function` mapped over the rows of its arguments: all at once, or `block` rows at a time.
+
+    On a CPU what a block gathers stays in the cache, which is worth more than the longer vectors; elsewhere, and
+    where there is only one block, all rows go at once.
+    """
     n_node = next(len(a) for a in arguments if a is not None)
-    if block is None or n_node <= block:
+    if block is None or n_node <= block or jax.default_backend() != "cpu":
         return jax.vmap(function)(*arguments)
     return jax.lax.map(lambda each: function(*each), arguments, batch_size=block)
 
@@ -137,11 +144,9 @@ class GATv2Conv(nn.Module):
 
         senders, own = jnp.asarray(senders), jnp.arange(len(x), dtype=jnp.int32)
         if receivers is None:
-            keep = _without_loops(senders, own[:, None], mask)
+            keep = jnp.pad(_without_loops(senders, own[:, None], mask), ((0, 0), (0, 1)), constant_values=True)
             table = jnp.concatenate([senders, own[:, None]], axis=1)
-            out = over_vertices(
-                attend, (target, table, jnp.pad(keep, ((0, 0), (0, 1)), constant_values=True)), self.block
-            )
+            out = over_vertices(attend, (target, table, keep), self.block)
         else:
             keep = jnp.pad(_without_loops(senders, receivers, mask), (0, len(x)), constant_values=True)
             senders, receivers = jnp.append(senders, own), jnp.append(jnp.asarray(receivers), own)
@@ -149,21 +154,6 @@ class GATv2Conv(nn.Module):
             logits = jnp.sum(attention[None] * nn.leaky_relu(target[receivers] + messages, SLOPE), axis=-1)
             out = _segment_attend(logits, messages, receivers, keep, len(x))
         return out.reshape(-1, heads * width) + bias[None]
-
-
-def edge_ends(
-    graph: jraph.GraphsTuple, neighbours: int | None
-) -> tuple[Int[Array, "v k"] | Int[Array, "e"], Int[Array, "e"] | None]:
-    """What the layers take: the table (v, k) of a graph with k `neighbours`, or its list of edges where that is None.
-
-    Raises ValueError where the number of edges is not v * k.
-    """
-    if neighbours is None:
-        return jnp.asarray(graph.senders), jnp.asarray(graph.receivers)
-    n_node, n_edge = len(graph.nodes["motor"]), len(graph.senders)  # type: ignore[index, arg-type]
-    if n_edge != n_node * neighbours:
-        raise ValueError(f"{n_edge} edges at {n_node} nodes: this network wants {neighbours} neighbours at every node")
-    return jnp.asarray(graph.senders).reshape(n_node, neighbours), None
 
 
 def _without_loops(senders: Array, receivers: Array | np.ndarray, mask: Array | np.ndarray | None) -> Array:

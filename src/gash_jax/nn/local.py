@@ -24,8 +24,9 @@ from flax import linen as nn
 from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.sh_rotation import rotate_coefficients
-from gash_jax.nn.attention import SLOPE, edge_ends, neighbour_softmax, over_vertices
+from gash_jax.nn.attention import SLOPE, neighbour_softmax, over_vertices
 from gash_jax.nn.closed_form import closed_form, zero_without_normal
+from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays
 
 
 class EdgePooling(nn.Module):
@@ -91,7 +92,7 @@ class LocalNet(nn.Module):
         """Coefficients of every node in world directions; where not `deterministic` (training) in one block."""
         table, _ = edge_ends(graph, self.neighbours)
         block = self.block if deterministic else None
-        relative = jnp.asarray(graph.edges["relative"])  # type: ignore[index]
+        nodes, relative = node_arrays(graph), edge_arrays(graph)["relative"]
         relative = relative.reshape(*table.shape, relative.shape[-1])
         x = EdgePooling(self.channels, block, name="pooling")(relative)
         for i in range(self.layers):
@@ -102,6 +103,5 @@ class LocalNet(nn.Module):
             x = x + nn.Dense(self.channels, name=f"mlp_{i}")(nn.relu(y))
         x = nn.LayerNorm(name="norm")(x)
         residual = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init(), name="head")(x)
-        normals, frames = graph.nodes["normal"], graph.nodes["frame"]  # type: ignore[index]
-        world = rotate_coefficients(residual, jnp.asarray(frames))
-        return closed_form(normals, self.bands) + zero_without_normal(world, normals)
+        world = rotate_coefficients(residual, nodes["frame"])
+        return closed_form(nodes["normal"], self.bands) + zero_without_normal(world, nodes["normal"])

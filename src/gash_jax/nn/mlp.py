@@ -3,12 +3,12 @@
 It cannot know of occlusion beyond what position and normal say about the shapes it was trained on.
 """
 
-import jax.numpy as jnp
 import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.nn.closed_form import zero_without_normal
+from gash_jax.nn.inputs import node_arrays
 
 
 class MLP(nn.Module):
@@ -21,8 +21,9 @@ class MLP(nn.Module):
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; nothing here is random, so `deterministic` changes nothing."""
-        x = jnp.asarray(graph.nodes["motor"])  # type: ignore[index]
+        nodes = node_arrays(graph)
+        x = nodes["motor"]
         for i in range(self.layers):
             x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
         x = nn.Dense(self.bands**2, name="head")(x)
-        return zero_without_normal(x, graph.nodes["normal"])  # type: ignore[index]
+        return zero_without_normal(x, nodes["normal"])

@@ -74,16 +74,15 @@ class ModelConfig:
         for width in (self.channels, self.visibility_channels):
             if width % self.heads:
                 raise ValueError(f"{width} channels cannot be split into {self.heads} heads: use a multiple")
-        if not isinstance(self.dropout, int | float) or not 0 <= self.dropout < 1:
-            raise ValueError(f"dropout = {self.dropout!r}: must be a number from 0 to below 1")
+        if not 0 <= self.dropout < 1:
+            raise ValueError(f"dropout = {self.dropout}: must be from 0 to below 1")
 
     def _check_numbers(self) -> None:
         least = dict.fromkeys(("channels", "layers", "heads", "visibility_channels", "visibility_layers"), 1)
         least |= {"bands": 1, "visibility_directions": 1, "neighbours": 0, "block": 0}
         for key, low in least.items():
-            value = getattr(self, key)
-            if type(value) is not int or value < low:
-                raise ValueError(f"{key} = {value!r}: must be a whole number from {low}")
+            if getattr(self, key) < low:
+                raise ValueError(f"{key} = {getattr(self, key)}: must be at least {low}")
         if self.bands > MAX_BANDS:
             raise ValueError(f"bands = {self.bands}: must be from 1 to {MAX_BANDS}")
 
@@ -93,31 +92,26 @@ class ModelConfig:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "ModelConfig":
-        """The config with these values. Raises ValueError on a key that is no field."""
-        known = [field.name for field in fields(cls)]
-        unknown = [key for key in values if key not in known]
-        if unknown:
-            raise ValueError(f"unknown key {unknown[0]!r} in model config: known are {', '.join(known)}")
+        """The config with these values. Raises ValueError on a key that is no field, or a value of another type."""
+        defaults = {field.name: field.default for field in fields(cls)}
+        for key, value in values.items():
+            if key not in defaults:
+                raise ValueError(f"unknown key {key!r} in model config: known are {', '.join(defaults)}")
+            kind = type(defaults[key])
+            if type(value) is not kind and not (kind is float and type(value) is int):
+                raise ValueError(f"{key} = {value!r} in model config: must be {kind.__name__}")
         return cls(**values)
 
 
 def build_model(config: ModelConfig) -> nn.Module:
     """The network of a config."""
-    block = config.block or None
-    width = {"channels": config.channels, "layers": config.layers, "bands": config.bands}
+    channels, layers, heads, bands = config.channels, config.layers, config.heads, config.bands
+    neighbours, block = config.neighbours, config.block or None
     if config.name == "mlp":
-        return MLP(**width)
+        return MLP(channels, layers, bands)
     if config.name == "local":
-        return LocalNet(**width, heads=config.heads, neighbours=config.neighbours, block=block)
+        return LocalNet(channels, layers, heads, bands, neighbours, block)
     visibility = VisibilityNet(
-        config.visibility_channels,
-        config.visibility_layers,
-        config.heads,
-        config.visibility_directions,
-        config.neighbours,
-        block,
+        config.visibility_channels, config.visibility_layers, heads, config.visibility_directions, neighbours, block
     )
-    return TwoStage(
-        visibility,
-        CoefficientNet(**width, heads=config.heads, dropout=config.dropout, neighbours=config.neighbours, block=block),
-    )
+    return TwoStage(visibility, CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block))

@@ -13,8 +13,9 @@ import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
-from gash_jax.nn.attention import GATv2Conv, TransformerConv, edge_ends
+from gash_jax.nn.attention import GATv2Conv, TransformerConv
 from gash_jax.nn.closed_form import zero_without_normal
+from gash_jax.nn.inputs import edge_ends, node_arrays
 
 
 class VisibilityNet(nn.Module):
@@ -34,7 +35,7 @@ class VisibilityNet(nn.Module):
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.directions}"]:
         """Logits of every node; where not `deterministic` (training) all vertices are one block."""
         ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
-        x = nn.Dense(self.channels, name="embed")(jnp.asarray(graph.nodes["motor"]))  # type: ignore[index]
+        x = nn.Dense(self.channels, name="embed")(node_arrays(graph)["motor"])
         for i in range(self.layers):
             y = TransformerConv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
             x = x + nn.relu(nn.LayerNorm(name=f"norm_{i}")(y))
@@ -56,14 +57,14 @@ class CoefficientNet(nn.Module):
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; where not `deterministic` (training) it needs the random stream "dropout"."""
         ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
-        nodes = graph.nodes
-        x = jnp.concatenate([nodes["motor"], nodes["visibility"]], axis=-1)  # type: ignore[index]
+        nodes = node_arrays(graph)
+        x = jnp.concatenate([nodes["motor"], nodes["visibility"]], axis=-1)
         x = nn.Dense(self.channels, name="embed")(x)
         for i in range(self.layers):
             y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
             x = x + nn.Dropout(self.dropout, name=f"dropout_{i}")(nn.relu(y), deterministic=deterministic)
         x = nn.Dense(self.bands**2, name="head")(x)
-        return zero_without_normal(x, nodes["normal"])  # type: ignore[index]
+        return zero_without_normal(x, nodes["normal"])
 
 
 class TwoStage(nn.Module):
@@ -79,5 +80,5 @@ class TwoStage(nn.Module):
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v k"]:
         """Coefficients of every node from the visibility that stage 1 predicts."""
         probabilities = jax.nn.sigmoid(self.visibility_logits(graph, deterministic))
-        nodes = {**graph.nodes, "visibility": probabilities}  # type: ignore[dict-item]
+        nodes = {**node_arrays(graph), "visibility": probabilities}
         return self.coefficient(graph._replace(nodes=nodes), deterministic)

@@ -7,7 +7,7 @@ R = n' e_y), so that direction i means the same thing at every vertex up to the 
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from gash_jax.algebra.directions import fibonacci_hemisphere
 from gash_jax.algebra.motors import rotor_from_normal, rotor_to_matrix
@@ -18,11 +18,18 @@ from gash_jax.prt.visibility import visibility
 DIRECTIONS = 25
 
 
+@jax.jit
+def _rotations(normals: Float[Array | np.ndarray, "v 3"]) -> Float[Array, "v 3 3"]:
+    return rotor_to_matrix(rotor_from_normal(normals))
+
+
 def hemisphere_directions(normals: Float[np.ndarray, "v 3"], count: int = DIRECTIONS) -> Float[np.ndarray, "v n 3"]:
     """Directions of every vertex: Fibonacci points about +y turned by the rotor that takes +y to the normal."""
     about_z = fibonacci_hemisphere(count)
     about_y = np.stack([about_z[:, 0], about_z[:, 2], -about_z[:, 1]], -1).astype(np.float32)
-    rotations = np.asarray(jax.jit(lambda n: rotor_to_matrix(rotor_from_normal(n)))(normals))
+    padded = np.zeros((1 << (max(len(normals), 2) - 1).bit_length(), 3), np.float32)
+    padded[: len(normals)] = normals
+    rotations = np.asarray(_rotations(padded))[: len(normals)]
     return np.einsum("vij,nj->vni", rotations, about_y)
 
 

@@ -50,12 +50,13 @@ def _elevation(shift: Float[Array, "c r"], n: int) -> tuple[Float[Array, "c r n"
 
 @partial(jax.jit, static_argnames="n")
 def sample_rays(
-    origins: Float[Array, "c 3"], normals: Float[Array, "c 3"], shifts: Float[Array, "c r 2"], n: int
-) -> tuple[Float[Array, "c*r*n 3"], Float[Array, "c*r*n 3"]]:
+    origins: Float[Array | np.ndarray, "c 3"], normals: Float[Array | np.ndarray, "c 3"], shifts: Float[Array | np.ndarray, "c r 2"], n: int
+) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:
     """Origins and unit directions of c vertices x r rotations x n points, in that order."""
+    origins, normals, shifts = jnp.asarray(origins), jnp.asarray(normals), jnp.asarray(shifts)
     frames = _row_frames(normals, shifts[..., 1])
     z, r = _elevation(shifts[..., 0], n)
-    azimuth = 2 * pi * lattice(n)[:, 1].astype(np.float64)
+    azimuth = 2 * pi * lattice(n)[None, None, :, 1].astype(np.float64)
     x, y = r * np.cos(azimuth).astype(np.float32), r * np.sin(azimuth).astype(np.float32)
     directions = jnp.stack(
         [frames[..., i, 0:1] * x + frames[..., i, 1:2] * y + frames[..., i, 2:3] * z for i in range(3)], -1
@@ -95,9 +96,10 @@ def _local_sums(
 
 @partial(jax.jit, static_argnames="bands")
 def integrate_rays(
-    visible: Bool[Array, "c r n"], normals: Float[Array, "c 3"], shifts: Float[Array, "c r 2"], bands: int
+    visible: Bool[Array | np.ndarray, "c r n"], normals: Float[Array | np.ndarray, "c 3"], shifts: Float[Array | np.ndarray, "c r 2"], bands: int
 ) -> Float[Array, "c r k"]:
     """Transfer coefficients of every row, in the world frame, from the visibility of the rays of `sample_rays`."""
+    visible, normals, shifts = jnp.asarray(visible), jnp.asarray(normals), jnp.asarray(shifts)
     z, r = _elevation(shifts[..., 0], visible.shape[-1])
     local = _local_sums(visible.astype(jnp.float32), z, r, bands)
     return rotate_coefficients(local, _row_frames(normals, shifts[..., 1]))

@@ -1,0 +1,129 @@
+"""What holds for every model: order, padding, zero normals, transforms, and that it can learn at all."""
+
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import jraph
+import numpy as np
+import optax
+import pytest
+from tests.helpers.bumpy import bumpy_mesh
+
+from gash_jax.graph.batching import batch_graphs, pad_graph
+from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
+from gash_jax.nn.registry import ModelConfig, build_model
+
+NAMES = ("mlp", "two-stage", "local")
+SMALL = {
+    "mlp": ModelConfig("mlp", channels=64, layers=2),
+    "two-stage": ModelConfig(
+        "two-stage", channels=16, layers=1, heads=2, neighbours=6, visibility_channels=16, visibility_layers=1
+    ),
+    "local": ModelConfig("local", channels=16, layers=1, heads=2),
+}
+
+
+def _graph(name: str, count: int = 40, seed: int = 0) -> Any:
+    """A graph of a mesh with one vertex that has no normal."""
+    mesh = bumpy_mesh(count, seed)
+    mesh.normals[7] = 0
+    return build_graph(mesh, SMALL[name].graph, SMALL[name].neighbours)
+
+
+@cache
+def _model(name: str) -> tuple[Any, Any, Any]:
+    """Module, jitted apply and variables that are random in every layer."""
+    module = build_model(SMALL[name])
+    variables = jax.jit(module.init)(jax.random.key(0), _graph(name))
+    rng = np.random.default_rng(0)
+    noise = jax.tree.map(lambda leaf: jnp.asarray(leaf + rng.normal(0, 0.2, leaf.shape), jnp.float32), variables)
+    return module, jax.jit(module.apply), noise
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_jit_is_eager_and_one_row_per_vertex(name: str) -> None:
+    module, apply, variables = _model(name)
+    out = apply(variables, _graph(name))
+    assert out.shape == (40, 9) and out.dtype == jnp.float32
+    np.testing.assert_allclose(module.apply(variables, _graph(name)), out, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_vertex_without_normal_gets_exactly_zero(name: str) -> None:
+    _, apply, variables = _model(name)
+    zero = np.flatnonzero(~np.any(np.asarray(apply(variables, _graph(name))), axis=1))
+    np.testing.assert_array_equal(zero, [7])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_renaming_vertices_renames_the_result(name: str) -> None:
+    _, apply, variables = _model(name)
+    graph = _graph(name)
+    order = np.random.default_rng(0).permutation(40)
+    table = graph.senders.reshape(40, -1)
+    edges = {key: leaf.reshape(40, -1, leaf.shape[1])[order].reshape(leaf.shape) for key, leaf in graph.edges.items()}
+    nodes = {key: leaf[order] for key, leaf in graph.nodes.items()}
+    senders = np.argsort(order)[table[order]].reshape(-1).astype(np.int32)
+    renamed = graph._replace(nodes=nodes, edges=edges, senders=senders)
+    np.testing.assert_allclose(apply(variables, renamed), apply(variables, graph)[order], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_padding_and_company_change_nothing(name: str) -> None:
+    _, apply, variables = _model(name)
+    graph, other = _graph(name), _graph(name, 30, 1)
+    batched = apply(variables, batch_graphs([other, graph], (64, 80)))
+    assert batched.shape == (80, 9) and np.isfinite(batched).all()
+    np.testing.assert_allclose(batched[30:70], apply(variables, graph), atol=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gradients_are_finite_for_weights_and_inputs(name: str) -> None:
+    module, _, variables = _model(name)
+    graph = pad_graph(_graph(name), 48)
+
+    def loss(variables: Any, nodes: Any, edges: Any) -> jax.Array:
+        return jnp.sum(module.apply(variables, graph._replace(nodes=nodes, edges=edges)) ** 2)
+
+    gradients = jax.jit(jax.grad(loss, argnums=(0, 1, 2)))(variables, graph.nodes, graph.edges)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradients))
+    assert all(np.any(leaf) for leaf in jax.tree.leaves(gradients[0])), "a weight without influence"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_overfits_one_tiny_problem(name: str) -> None:
+    module, graph = build_model(SMALL[name]), _graph(name)
+    variables = jax.jit(module.init)(jax.random.key(1), graph)
+    target = np.random.default_rng(3).normal(0, 0.3, (40, 9)).astype(np.float32)
+    target[7] = 0
+    optimiser = optax.adam(1e-2)
+
+    def loss(params: Any) -> jax.Array:
+        return jnp.mean((module.apply(params, graph) - target) ** 2)
+
+    @jax.jit
+    def train(params: Any) -> tuple[Any, jax.Array]:
+        def step(state: Any, _: None) -> tuple[Any, jax.Array]:
+            value, gradient = jax.value_and_grad(loss)(state[0])
+            updates, moments = optimiser.update(gradient, state[1])
+            return (optax.apply_updates(state[0], updates), moments), value
+
+        (params, _), values = jax.lax.scan(step, (params, optimiser.init(params)), None, 600)
+        return params, values
+
+    _, values = train(variables)
+    assert values[-1] < 0.02 * np.mean(target**2)
+
+
+@pytest.mark.parametrize("name", ["two-stage", "local"])
+def test_a_graph_with_another_number_of_neighbours_is_refused(name: str) -> None:
+    _, apply, variables = _model(name)
+    graph = with_relative_edges(build_graph(bumpy_mesh(40), "knn", 5), bumpy_mesh(40))
+    with pytest.raises(ValueError, match="neighbours"):
+        apply(variables, graph)
+
+
+def test_graphs_are_jraph() -> None:
+    assert all(isinstance(_graph(name), jraph.GraphsTuple) for name in NAMES)

@@ -1,0 +1,62 @@
+"""Configs: defaults, round trips, and every wrong value named."""
+
+from dataclasses import asdict
+
+import jax
+import pytest
+from tests.helpers.bumpy import bumpy_mesh
+
+from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
+
+
+@pytest.mark.parametrize("name", DEFAULTS)
+@pytest.mark.parametrize("bands", [1, 3, 4])
+def test_every_model_answers_the_contract(name: str, bands: int) -> None:
+    config = ModelConfig(name, bands)
+    graph = build_graph(bumpy_mesh(20), config.graph, config.neighbours)
+    module = build_model(config)
+    variables = jax.eval_shape(module.init, jax.random.key(0), graph)
+    out = jax.eval_shape(lambda v: module.apply(v, graph, deterministic=True), variables)
+    assert out.shape == (20, bands * bands)  # type: ignore[union-attr]
+
+
+def test_defaults_are_resolved_at_once() -> None:
+    config = ModelConfig("two-stage")
+    assert (config.channels, config.layers, config.heads, config.neighbours, config.graph) == (96, 5, 4, 16, "knn")
+    assert ModelConfig().name == "local" and ModelConfig().graph == "rings" and ModelConfig("mlp").graph == "none"
+    assert ModelConfig("two-stage", graph="rings", neighbours=32).graph == "rings"
+    assert ModelConfig("local", channels=16, layers=1).channels == 16
+
+
+@pytest.mark.parametrize("name", DEFAULTS)
+def test_round_trip(name: str) -> None:
+    config = ModelConfig(name, bands=4, layers=2)
+    assert config.to_dict() == asdict(config)
+    assert ModelConfig.from_dict(config.to_dict()) == config
+    assert ModelConfig.from_dict({"name": name, "dropout": 0}).dropout == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"name": "unet"}, "known are local, two-stage, mlp"),
+        ({"chanels": 3}, "unknown key 'chanels'"),
+        ({"bands": 0}, "bands = 0"),
+        ({"bands": 11}, "bands = 11"),
+        ({"bands": "3"}, "bands = '3' in model config: must be int"),
+        ({"layers": -1}, "layers = -1"),
+        ({"layers": 1.5}, "layers = 1.5 in model config: must be int"),
+        ({"block": True}, "block = True"),
+        ({"heads": 5}, "5 heads"),
+        ({"name": "two-stage", "heads": 6}, "64 channels"),
+        ({"dropout": 1.0}, "dropout"),
+        ({"graph": "ring"}, "known are knn, rings, none"),
+        ({"graph": "knn"}, "its graph is rings"),
+        ({"name": "two-stage", "graph": "none"}, "cannot use graph none"),
+        ({"name": "mlp", "graph": "knn"}, "cannot use graph knn"),
+    ],
+)
+def test_wrong_values_are_named(values: dict, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        ModelConfig.from_dict(values)
