@@ -181,11 +181,13 @@ def test_leading_shapes_broadcast(left, right):
 
 def test_transforms():
     a, b = _random(3, seed=16), _random(3, seed=17)
-    eager = cga.sandwich(a, b)
-    np.testing.assert_allclose(jax.jit(cga.sandwich)(a, b), eager, rtol=1e-5, atol=1e-4)
-    np.testing.assert_allclose(jax.vmap(cga.sandwich)(a, b), eager, rtol=1e-5, atol=1e-4)
-    # The product is bilinear: its derivative in a is the product itself.
+    eager = cga.geometric_product(a, b)
+    loop = np.stack([cga.geometric_product(*row) for row in zip(a, b, strict=True)])
+    np.testing.assert_allclose(eager, loop, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(jax.jit(cga.geometric_product)(a, b), loop, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(jax.vmap(cga.geometric_product)(a, b), loop, rtol=1e-5, atol=1e-5)
+    # The product is bilinear: its derivative along c is the product with c.
     tangent = jax.jvp(lambda x: cga.geometric_product(x, b), (a,), (_random(3, seed=18),))[1]
     np.testing.assert_allclose(tangent, cga.geometric_product(_random(3, seed=18), b), rtol=1e-5, atol=1e-5)
-    gradient = jax.grad(lambda x: jnp.sum(cga.sandwich(x, b)))(jnp.asarray(a))
+    gradient = jax.grad(lambda x: jnp.sum(cga.geometric_product(x, b)))(jnp.asarray(a))
     assert np.isfinite(gradient).all()

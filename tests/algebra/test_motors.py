@@ -320,9 +320,9 @@ def test_transforms():
         rotor = motors.matrix_to_rotor(motors.motor_to_rigid(m)[0])
         return motors.apply_motor(motors.compose(motors.inverse(m), rotor), x)
 
-    jitted = jax.jit(whole)(p, n, x)
-    loop = np.stack([whole(*row) for row in zip(p, n, x, strict=True)])
-    np.testing.assert_allclose(jitted, loop, atol=2e-6)
+    compiled = jax.jit(whole)
+    loop = np.stack([compiled(*row) for row in zip(p, n, x, strict=True)])
+    np.testing.assert_allclose(whole(p, n, x), loop, atol=2e-6)
     np.testing.assert_allclose(jax.jit(jax.vmap(whole))(p, n, x), loop, atol=2e-6)
     gradient = jax.jit(jax.grad(lambda *arguments: jnp.sum(whole(*arguments)), (0, 1, 2)))
     gradients = gradient(*map(jnp.asarray, (p, n, x)))

@@ -1,5 +1,8 @@
 """A closed bumpy mesh of any number of vertices, and rotations, for the tests of graphs and networks."""
 
+from typing import Any
+
+import jax
 import numpy as np
 from scipy.spatial import ConvexHull
 
@@ -17,6 +20,13 @@ def bumpy_mesh(count: int, seed: int = 0) -> Mesh:
     faces[inward] = faces[inward][:, ::-1]
     vertices = (directions * (1 + 0.3 * np.sin(5 * directions[:, :1]))).astype(np.float32)
     return Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces)
+
+
+def random_variables(module: Any, *inputs: Any, spread: float = 0.3) -> Any:
+    """Weights that are random in every layer, without compiling the module's own initialisation."""
+    rng = np.random.default_rng(0)
+    shapes = jax.eval_shape(module.init, jax.random.key(0), *inputs)
+    return jax.tree.map(lambda leaf: rng.normal(0, spread, leaf.shape).astype(np.float32), shapes)
 
 
 def random_rotation(seed: int) -> np.ndarray:

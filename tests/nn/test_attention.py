@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tests.helpers.bumpy import random_variables
 
 from gash_jax.nn.attention import GATv2Conv, TransformerConv, neighbour_softmax, over_vertices
 
@@ -66,8 +67,7 @@ def test_pytorch_geometric_gives_the_same_numbers_and_gradients(layer: str, case
 @cache
 def _module(layer: str) -> tuple[Any, Any]:
     module = LAYERS[layer](4, 2)
-    init = jax.jit(module.init)
-    return module, init(jax.random.key(0), np.zeros((2, 6), np.float32), np.zeros((2, 1), np.int32))
+    return module, random_variables(module, np.zeros((2, 6), np.float32), np.zeros((2, 1), np.int32))
 
 
 def _problem(layer: str, seed: int, v: int = 23, k: int = 5) -> tuple[Any, Any, np.ndarray, np.ndarray]:

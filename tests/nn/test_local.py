@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.helpers.bumpy import bumpy_mesh, random_rotation
+from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
@@ -21,10 +21,7 @@ BUMPY: Mesh = bumpy_mesh(200)
 @cache
 def _net(bands: int = 3) -> tuple[Any, Any]:
     module = LocalNet(channels=16, layers=2, heads=2, bands=bands)
-    variables = jax.jit(module.init)(jax.random.key(0), rings_graph(BUMPY))
-    rng = np.random.default_rng(0)
-    noise = jax.tree.map(lambda leaf: jnp.asarray(leaf + rng.normal(0, 0.1, leaf.shape), jnp.float32), variables)
-    return jax.jit(module.apply), noise
+    return jax.jit(module.apply), random_variables(module, rings_graph(BUMPY))
 
 
 def _same_table(mesh: Mesh, graph: Any) -> Any:
@@ -34,7 +31,7 @@ def _same_table(mesh: Mesh, graph: Any) -> Any:
 
 
 def test_untrained_it_is_the_closed_form() -> None:
-    module, graph = LocalNet(), rings_graph(BUMPY)
+    module, graph = LocalNet(channels=8, layers=1, heads=2), rings_graph(BUMPY)
     variables = jax.jit(module.init)(jax.random.key(0), graph)
     out = jax.jit(module.apply)(variables, graph)
     np.testing.assert_array_equal(out, jax.jit(closed_form, static_argnums=1)(BUMPY.normals, 3))

@@ -9,7 +9,7 @@ import jraph
 import numpy as np
 import optax
 import pytest
-from tests.helpers.bumpy import bumpy_mesh
+from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 from gash_jax.graph.batching import batch_graphs, pad_graph
 from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
@@ -36,10 +36,7 @@ def _graph(name: str, count: int = 40, seed: int = 0) -> Any:
 def _model(name: str) -> tuple[Any, Any, Any]:
     """Module, jitted apply and variables that are random in every layer."""
     module = build_model(SMALL[name])
-    variables = jax.jit(module.init)(jax.random.key(0), _graph(name))
-    rng = np.random.default_rng(0)
-    noise = jax.tree.map(lambda leaf: jnp.asarray(leaf + rng.normal(0, 0.2, leaf.shape), jnp.float32), variables)
-    return module, jax.jit(module.apply), noise
+    return module, jax.jit(module.apply), random_variables(module, _graph(name))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -95,7 +92,7 @@ def test_gradients_are_finite_for_weights_and_inputs(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_overfits_one_tiny_problem(name: str) -> None:
     module, graph = build_model(SMALL[name]), _graph(name)
-    variables = jax.jit(module.init)(jax.random.key(1), graph)
+    variables = random_variables(module, graph, spread=0.2)
     target = np.random.default_rng(3).normal(0, 0.3, (40, 9)).astype(np.float32)
     target[7] = 0
     optimiser = optax.adam(1e-2)

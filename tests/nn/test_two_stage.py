@@ -5,7 +5,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from tests.helpers.bumpy import bumpy_mesh
+from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import knn_graph, mesh_edge_graph
@@ -43,7 +43,7 @@ def _small(block: int | None = None) -> TwoStage:
 
 @cache
 def _variables() -> Any:
-    return jax.jit(_small().init)(jax.random.key(0), GRAPH)
+    return random_variables(_small(), GRAPH)
 
 
 def test_stages_compose() -> None:
@@ -60,7 +60,7 @@ def test_stages_compose() -> None:
 
 def test_a_ragged_graph_gives_what_a_table_of_the_same_edges_gives() -> None:
     table, ragged = VisibilityNet(8, 1, 2, neighbours=4), VisibilityNet(8, 1, 2, neighbours=None)
-    variables = jax.jit(table.init)(jax.random.key(0), GRAPH)
+    variables = random_variables(table, GRAPH)
     out = jax.jit(table.apply)(variables, GRAPH)
     np.testing.assert_allclose(jax.jit(ragged.apply)(variables, GRAPH), out, atol=1e-5)
     assert np.isfinite(jax.jit(ragged.apply)(variables, mesh_edge_graph(MESH))).all()

@@ -21,6 +21,8 @@ changes with rotation). So the features do not change when the mesh is rotated, 
 edges. Nothing absolute enters. Where d = 0 all terms with o / d are 0.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,29 +32,34 @@ from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.motors import motor
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 
-EDGE_FEATURES = 16
 DISTANCE_FLOOR = 1e-4
 DISTANCE_SCALES = (0.02, 0.1, 0.5)
 # a shorter mean unit offset has no direction to rely on in float32
 VANISHING_OFFSET = 1e-3
-# edges and vertices per compiled call: one size for every mesh, small enough for the cache
+# rows per compiled call: one size for every mesh, small enough for the cache
 EDGE_BLOCK = 1 << 15
 VERTEX_BLOCK = 1 << 12
 
 _motor = jax.jit(motor)
 
 
-def motor_nodes(
-    positions: Float[Array | np.ndarray, "v 3"], normals: Float[Array | np.ndarray, "v 3"]
-) -> Float[np.ndarray, "v 32"]:
+def _in_blocks(
+    function: Callable[..., Array], rows: Callable[[slice], tuple[np.ndarray, ...]], count: int, size: int
+) -> np.ndarray:
+    """`function` of `count` rows, `size` at a time with zeros after the last: it compiles once for all meshes."""
+    results = []
+    for start in range(0, max(count, 1), size):
+        arrays = rows(slice(start, start + size))
+        used = len(arrays[0])
+        padded = [np.concatenate([a, np.zeros((size - used, *a.shape[1:]), a.dtype)]) for a in arrays]
+        results.append(np.asarray(function(*padded))[:used])
+    return np.concatenate(results)
+
+
+def motor_nodes(positions: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 32"]:
     """The motor of every vertex, float32; positions in units of the graph's scale."""
-    motors = np.empty((len(positions), 32), np.float32)
-    for start in range(0, len(positions), VERTEX_BLOCK):
-        used = min(VERTEX_BLOCK, len(positions) - start)
-        block = np.zeros((2, VERTEX_BLOCK, 3), np.float32)
-        block[:, :used] = positions[start : start + used], normals[start : start + used]
-        motors[start : start + used] = np.asarray(_motor(block[0], block[1]))[:used]
-    return motors
+    arrays = positions.astype(np.float32), normals.astype(np.float32)
+    return _in_blocks(_motor, lambda block: (arrays[0][block], arrays[1][block]), len(positions), VERTEX_BLOCK)
 
 
 def _unit_offsets(positions: np.ndarray, senders: np.ndarray, receivers: np.ndarray) -> np.ndarray:
@@ -108,15 +115,11 @@ def relative_edges(
     senders: Int[np.ndarray, "e"],
     receivers: Int[np.ndarray, "e"],
 ) -> Float[np.ndarray, "e 16"]:
-    """`edge_features` of an edge list, float32, in blocks of one size so that it compiles once for all meshes."""
-    features = np.empty((len(senders), EDGE_FEATURES), np.float32)
-    for start in range(0, len(senders), EDGE_BLOCK):
-        block = slice(start, start + EDGE_BLOCK)
-        to, used = receivers[block], len(receivers[block])
-        offsets, sender_normals = np.zeros((2, EDGE_BLOCK, 3), np.float32)
-        local = np.zeros((EDGE_BLOCK, 3, 3), np.float32)
-        offsets[:used] = np.take(positions, senders[block], axis=0) - np.take(positions, to, axis=0)
-        sender_normals[:used] = np.take(normals, senders[block], axis=0)
-        local[:used] = np.take(frames, to, axis=0)
-        features[block] = np.asarray(_edge_features(offsets, sender_normals, local))[:used]
-    return features
+    """`edge_features` of an edge list, float32."""
+
+    def rows(block: slice) -> tuple[np.ndarray, ...]:
+        to, origin = receivers[block], senders[block]
+        offsets = np.take(positions, origin, axis=0) - np.take(positions, to, axis=0)
+        return offsets, np.take(normals, origin, axis=0), np.take(frames, to, axis=0)
+
+    return _in_blocks(_edge_features, rows, len(senders), EDGE_BLOCK)

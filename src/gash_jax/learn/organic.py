@@ -70,7 +70,9 @@ def folded(rng: np.random.Generator, target: int) -> Triangles:
     depth, width = rng.uniform(0.1, 0.45), rng.uniform(0.14, 0.4)
     furrows = creases(value_noise(rng, frequency, octaves=1), width)
     if rng.random() < 0.4:
-        furrows = winding_folds(value_noise(rng, 1.0, octaves=1), rng.uniform(1.0, max(1.2, 0.8 + 0.025 * np.sqrt(target))))
+        furrows = winding_folds(
+            value_noise(rng, 1.0, octaves=1), rng.uniform(1.0, max(1.2, 0.8 + 0.025 * np.sqrt(target)))
+        )
     bumps, bump_height = value_noise(rng, rng.uniform(2, 5), octaves=2), rng.uniform(0.0, 0.04)
     upright = rng.random() < 0.6  # furrows that go straight down, as sulci do, or any way, as in rock
     warp, bend = [wave_noise(rng, 0.6, 3) for _ in range(3)], rng.uniform(0.0, 0.2)

@@ -94,13 +94,15 @@ class ModelConfig:
     def from_dict(cls, values: dict[str, Any]) -> "ModelConfig":
         """The config with these values. Raises ValueError on a key that is no field, or a value of another type."""
         defaults = {field.name: field.default for field in fields(cls)}
+        checked = {}
         for key, value in values.items():
             if key not in defaults:
                 raise ValueError(f"unknown key {key!r} in model config: known are {', '.join(defaults)}")
             kind = type(defaults[key])
-            if type(value) is not kind and not (kind is float and type(value) is int):
+            if type(value) is not kind and (kind, type(value)) != (float, int):
                 raise ValueError(f"{key} = {value!r} in model config: must be {kind.__name__}")
-        return cls(**values)
+            checked[key] = kind(value)
+        return cls(**checked)
 
 
 def build_model(config: ModelConfig) -> nn.Module:
