@@ -78,7 +78,7 @@ def test_cosine_hemisphere_by_hand():
 def test_cosine_hemisphere_has_density_cos_over_pi():
     grid = (np.arange(200) + 0.5) / 200
     points = np.stack(np.meshgrid(grid, grid), axis=-1)
-    x, y, z = np.moveaxis(cosine_hemisphere(points), -1, 0)
+    x, y, z = np.moveaxis(np.asarray(cosine_hemisphere(points)), -1, 0)
     np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=1e-15)
     # integral of cos^(p + 1) / pi over the hemisphere = 2 / (p + 2)
     for power in (1, 2, 3, 4):

@@ -24,7 +24,8 @@ def _directions(count, seed=1):
 
 
 def _basis(directions, bands):
-    return np.stack(sh.sh_components(*np.moveaxis(directions, -1, 0), bands), axis=-1)
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.stack(sh.sh_components(x, y, z, bands), axis=-1)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +108,7 @@ def test_zonal_function_turns_to_its_axis(ten_bands):
         np.testing.assert_allclose(block[:, :, band], expected, atol=2e-5)
 
 
-@pytest.mark.parametrize("bands", [1, 3, 4, 10])
+@pytest.mark.parametrize("bands", [1, 3, 6])
 def test_coefficients_describe_the_turned_function(bands):
     """c' = D(R) c evaluates at R w to what c evaluates at w."""
     rotation = _rotations(1, seed=bands)[0]

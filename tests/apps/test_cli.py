@@ -106,12 +106,12 @@ BAD_BAKES = {
     "absent.ply": "no such file",
     "folder": "folder",
     "text.ply": "error",
-    "unknown.xyz": "extension",
+    "unknown.xyz": "unknown mesh format",
     "empty.ply": "no vertices",
     "points.ply": "no faces",
     "nan.ply": "not finite",
     "inf.ply": "not finite",
-    "range.ply": "out of range",
+    "range.ply": "does not exist",
     "cut.ply": "error",
 }
 

@@ -4,15 +4,16 @@ Needs torch and torch_geometric, which the project does not (any virtual environ
 
     python tests/golden/make_golden.py
 
-Arrays are named case/layer/what, with case "fixed" (3 senders at every node) or "ragged" (a node without edges, one with
-a loop). Weights keep PyTorch's names and shapes (output, input). The loss is sum(out * cotangent).
+Arrays are named case/layer/what, with case "fixed" (3 senders at every node) or "ragged" (a node without edges, one
+with a loop). Weights keep PyTorch's names and shapes (output, input). The loss is sum(out * cotangent).
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import torch
-from torch_geometric.nn import GATv2Conv, TransformerConv
+import torch  # pyright: ignore[reportMissingImports]
+from torch_geometric.nn import GATv2Conv, TransformerConv  # pyright: ignore[reportMissingImports]
 
 NODES, INPUTS, WIDTH, HEADS, NEIGHBOURS = 7, 5, 4, 3, 3
 LAYERS = {
@@ -49,7 +50,7 @@ def run(case: str, name: str, rng: np.random.Generator) -> dict[str, np.ndarray]
 
 if __name__ == "__main__":
     generator = np.random.default_rng(0)
-    golden: dict[str, np.ndarray] = {}
+    golden: dict[str, Any] = {}
     for case in ("fixed", "ragged"):
         for name in LAYERS:
             golden |= run(case, name, generator)

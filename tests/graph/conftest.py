@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
 from gash_jax.geometry.mesh import Mesh
+from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
 
 @pytest.fixture(scope="session")

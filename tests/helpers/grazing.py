@@ -6,7 +6,7 @@ barycentric coordinates, or meets it within the ray offset of its origin.
 
 import numpy as np
 
-BARYCENTRIC, COSINE = 1e-5, 1e-4
+BARYCENTRIC, COSINE, ROUNDING = 1e-5, 1e-4, 1e-7
 
 
 def grazing_rays(
@@ -30,12 +30,12 @@ def grazing_rays(
             q = np.cross(s, edge1)
             u, v, t = (s * p).sum(-1) / det, (q * d).sum(-1) / det, (q * edge2).sum(-1) / det
             w = 1 - u - v
-            inside = (u > -BARYCENTRIC) & (v > -BARYCENTRIC) & (w > -BARYCENTRIC) & (t > -offset)
+            inside = (u > -BARYCENTRIC) & (v > -BARYCENTRIC) & (w > -BARYCENTRIC) & (t > -ROUNDING)
             border = np.minimum(np.minimum(np.abs(u), np.abs(v)), np.abs(w)) < BARYCENTRIC
-            near_hit = inside & (border | (np.abs(t) < 2 * offset))
+            near_hit = inside & (border | (t < offset))
             cosine = np.abs((normal / area[:, None] * d).sum(-1))
             plane = np.abs((s * normal).sum(-1)) / area
             # nearly in the plane counts only for planes the ray's origin is close to, or triangles it reaches
-            flat = (cosine < COSINE) & ((plane < 2 * offset) | inside)
+            flat = (cosine < COSINE) & ((plane < offset) | inside)
         result[start : start + 256] = (near_hit | flat).any(1)
     return result

@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.mesh_graph import edgeless_graph, rings_graph, with_relative_edges
 from gash_jax.nn.closed_form import closed_form
 from gash_jax.nn.local import LocalNet
+from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
 BUMPY: Mesh = bumpy_mesh(200)
 

@@ -4,10 +4,10 @@ from dataclasses import asdict
 
 import jax
 import pytest
-from tests.helpers.bumpy import bumpy_mesh
 
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
+from tests.helpers.bumpy import bumpy_mesh
 
 
 @pytest.mark.parametrize("name", DEFAULTS)

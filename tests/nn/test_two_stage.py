@@ -5,12 +5,12 @@ from typing import Any
 
 import jax
 import numpy as np
-from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import knn_graph, mesh_edge_graph
 from gash_jax.nn.registry import ModelConfig, build_model
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
+from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 MESH: Mesh = bumpy_mesh(40)
 GRAPH = knn_graph(MESH, 4)

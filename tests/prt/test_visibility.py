@@ -45,7 +45,7 @@ def test_backends_agree_ray_by_ray(name: str, record_property, capsys) -> None:
     with capsys.disabled():
         print(f" {name}: {different.sum()} of {len(different)} rays differ, {grazing.sum()} graze;", end="")
     assert not np.any(different & ~grazing)
-    assert grazing.mean() < 0.02  # else the check would excuse too much
+    assert grazing.mean() < 0.05  # else the check would excuse too much
     assert different.mean() < 1e-3
     assert 0.02 < (~answers[0]).mean() < 0.98  # the meshes shadow themselves, else nothing was compared
 

@@ -31,7 +31,8 @@ _CANDIDATES = 1000
 
 def _band(directions: np.ndarray, band: int) -> np.ndarray:
     """Y_l at (n, 3) directions, (n, 2l+1)."""
-    return np.stack(sh_components(*directions.T, band + 1)[band * band :], axis=-1)
+    x, y, z = directions.T
+    return np.stack(sh_components(x, y, z, band + 1)[band * band :], axis=-1)
 
 
 @functools.cache

@@ -53,7 +53,8 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
     if path.is_dir():
         raise FileError(f"{path} is a folder, not a {kind} file (.npz)")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # numpy leaves the file open when it fails on a path, so it is given the open file
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, KeyError):
         raise FileError(f"{path} is not a readable npz file: truncated or another format; write it again") from None

@@ -26,7 +26,17 @@ from gash_jax.prt.bake import available_cores, bake_transfer
 from gash_jax.prt.hemisphere import hemisphere_visibility
 
 LABEL_ROOMS = ("algebra", "geometry", "prt")
-LABEL_FILES = ("shapes.py", "sdf.py", "parametric.py")
+LABEL_FILES = (
+    "shapes.py",
+    "organic.py",
+    "turned.py",
+    "mechanical.py",
+    "lattices.py",
+    "sdf.py",
+    "parametric.py",
+    "triangles.py",
+    "retessellation.py",
+)
 
 
 class Item(NamedTuple):
@@ -48,7 +58,7 @@ def cache_folder() -> Path:
 def _source_hash() -> str:
     package = Path(__file__).parents[1]
     files = [f for room in LABEL_ROOMS for f in sorted((package / room).glob("*.py"))]
-    files += [f for name in LABEL_FILES if (f := package / "learn" / name).exists()]
+    files += [package / "learn" / name for name in LABEL_FILES]
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()
 
 

@@ -78,7 +78,7 @@ def train_step(
     return (
         {**moved, **frozen},
         moments,
-        {"loss": loss, "gradient_norm": optax.global_norm(gradients), **measures},
+        {"loss": loss, "gradient_norm": optax.tree.norm(gradients), **measures},
     )
 
 
