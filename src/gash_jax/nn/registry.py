@@ -54,7 +54,7 @@ class ModelConfig:
     visibility_layers: int = 3
     visibility_directions: int = 25
     dropout: float = 0.2
-    block: int = 256
+    block: int = 128
 
     def __post_init__(self) -> None:
         if self.name not in DEFAULTS:
