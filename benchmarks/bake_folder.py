@@ -40,7 +40,9 @@ def main() -> int:
                 print("    " + line.strip())
         if not fine:
             bad.append(path.name)
-    print(f"{len(meshes) - len(bad)} of {len(meshes)} meshes baked, all coefficients finite" + f"; bad: {bad}" * bool(bad))
+    print(
+        f"{len(meshes) - len(bad)} of {len(meshes)} meshes baked, all coefficients finite" + f"; bad: {bad}" * bool(bad)
+    )
     return int(bool(bad))
 
 

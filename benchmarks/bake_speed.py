@@ -45,6 +45,14 @@ def raw_seconds(mesh: Mesh, rays: int, chunk_rays: int = 1 << 17) -> float:
     return (time.perf_counter() - started) * len(active) * rays / traced
 
 
+def build_seconds(mesh: Mesh) -> float:
+    """Seconds that embreex needs to copy the mesh and build its tree."""
+    geometry = trace_geometry(mesh)
+    started = time.perf_counter()
+    visibility(geometry.vertices, geometry.faces)
+    return time.perf_counter() - started
+
+
 def bake_seconds(mesh: Mesh, rays: int) -> float:
     """Seconds of one `bake_transfer` with default replicates, BVH build included."""
     started = time.perf_counter()
@@ -70,21 +78,24 @@ def main() -> None:
     arguments = parser.parse_args()
     mesh = load_mesh(arguments.mesh)
     bake_transfer(mesh, rays=arguments.rays)
-    raw, bake = [], []
+    raw, built, bake = [], [], []
     for _ in range(5):  # in turn, so that a drifting machine meets both alike
         raw.append(raw_seconds(mesh, arguments.rays))
+        built.append(build_seconds(mesh))
         bake.append(bake_seconds(mesh, arguments.rays))
     processes = [process_seconds(arguments.mesh, arguments.rays) for _ in range(3)]
-    raw_s, bake_s = float(np.median(raw)), float(np.median(bake))
+    raw_s, build_s, bake_s = (float(np.median(times)) for times in (raw, built, bake))
     process_s, memory = float(np.median([p[0] for p in processes])), max(p[1] for p in processes)
     total = len(mesh.vertices) * arguments.rays
     print(f"{arguments.mesh.name}: {len(mesh.vertices)} vertices x {arguments.rays} rays = {total / 1e6:.1f} M rays")
     print(f"raw embreex        {raw_s:7.3f} s  {total / raw_s / 1e6:6.2f} M rays/s")
+    print(f"raw, scene build   {build_s:7.3f} s")
     print(f"bake_transfer      {bake_s:7.3f} s  = {bake_s / raw_s:.2f} x raw (target <= 1.25)")
+    print(f"                              = {bake_s / (raw_s + build_s):.2f} x raw with its scene build")
     print(f"gash bake, process {process_s:7.3f} s  = 1.6 x raw + {process_s - 1.6 * raw_s:.2f} s (target <= 4 s)")
     print(f"peak memory        {memory:7.0f} MiB (target <= 1536)")
     if arguments.output:
-        figures = {"raw_s": raw_s, "bake_s": bake_s, "process_s": process_s, "peak_mib": memory}
+        figures = {"raw_s": raw_s, "build_s": build_s, "bake_s": bake_s, "process_s": process_s, "peak_mib": memory}
         result = provenance(mesh=arguments.mesh.name, rays=arguments.rays, **figures)
         arguments.output.write_text(json.dumps(result, indent=1) + "\n")
 

@@ -1,6 +1,6 @@
 """The session is strict: no silent broadcasting of ranks, warnings are errors, the cache is a fresh folder.
 
-Kernels are compiled without LLVM's optimiser: most of the suite's time is compilation, and what is computed is the same.
+Kernels are compiled without LLVM's optimiser: most of the suite's time is compilation, and the programs are the same.
 """
 
 import os

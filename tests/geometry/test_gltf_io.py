@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
-from tests.geometry.mesh_files import Gltf, glb, tempting_mesh
-from tests.helpers.shared_data import shared_file
 
 from gash_jax.geometry.gltf_io import read_gltf
 from gash_jax.geometry.mesh import MeshError, vector_areas
 from gash_jax.geometry.mesh_io import read_mesh
 from gash_jax.geometry.primitives import icosphere
+from tests.geometry.mesh_files import Gltf, glb, tempting_mesh
+from tests.helpers.shared_data import shared_file
 
 HERE = Path()
 BALL = icosphere(1)

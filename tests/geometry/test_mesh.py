@@ -3,11 +3,11 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.bumpy import random_rotation
 
 from gash_jax.geometry import mesh as m
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.primitives import box, bumpy_sphere, icosphere
+from tests.helpers.bumpy import random_rotation
 
 QUAD = Mesh(
     np.array([[0, 0, 0], [2, 0, 0], [2, 0, -2], [0, 0, -2], [50, 50, 50]], np.float32),

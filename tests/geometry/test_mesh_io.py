@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.geometry.mesh_files import glb, obj, off, ply_ascii, ply_binary, stl_ascii, stl_binary, tempting_mesh
 
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.mesh_io import READERS, TO_Y_UP, load_mesh, read_mesh, save_mesh
 from gash_jax.geometry.primitives import bumpy_sphere, icosphere
+from tests.geometry.mesh_files import glb, obj, off, ply_ascii, ply_binary, stl_ascii, stl_binary, tempting_mesh
 
 VERTICES, FACES = tempting_mesh()
 FILES = {

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from tests.helpers.bumpy import random_rotation
 
 from gash_jax.geometry.mesh import concatenate, transform
 from gash_jax.geometry.nesting import containment
 from gash_jax.geometry.primitives import box, icosphere, torus
+from tests.helpers.bumpy import random_rotation
 
 
 def _inside(*meshes, solid=None) -> np.ndarray:

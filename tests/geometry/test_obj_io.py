@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.geometry.mesh_files import obj, tempting_mesh
 
 from gash_jax.geometry.mesh import MeshError
 from gash_jax.geometry.obj_io import read_obj
+from tests.geometry.mesh_files import obj, tempting_mesh
 
 THREE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 

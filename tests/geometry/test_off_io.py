@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from tests.geometry.mesh_files import exported, off, tempting_mesh
 
 from gash_jax.geometry.mesh import MeshError
 from gash_jax.geometry.off_io import read_off
 from gash_jax.geometry.primitives import icosphere
+from tests.geometry.mesh_files import exported, off, tempting_mesh
 
 
 def test_order_is_sacred() -> None:

@@ -3,13 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from tests.geometry.mesh_files import exported, ply_ascii, ply_binary, tempting_mesh
 
 from gash_jax.geometry import ply_io
 from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.npz_io import FileError
 from gash_jax.geometry.ply_io import read_ply, write_ply
 from gash_jax.geometry.primitives import bumpy_sphere
+from tests.geometry.mesh_files import exported, ply_ascii, ply_binary, tempting_mesh
 
 POLYGONS = [[0, 1, 2], [2, 1, 3, 4], [0, 1, 2, 3, 4], [4, 3, 2], [1, 0]]
 FANNED = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 3, 2]]

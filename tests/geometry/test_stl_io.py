@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from tests.geometry.mesh_files import exported, stl_ascii, stl_binary, tempting_mesh
 
 from gash_jax.geometry.mesh import MeshError
 from gash_jax.geometry.primitives import icosphere
 from gash_jax.geometry.stl_io import read_stl
+from tests.geometry.mesh_files import exported, stl_ascii, stl_binary, tempting_mesh
 
 VERTICES, FACES = tempting_mesh()
 CORNERS = VERTICES[FACES]

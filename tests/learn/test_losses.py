@@ -20,7 +20,9 @@ def test_balanced_bce_by_hand() -> None:
     """One occluded against three visible samples: each class is averaged first."""
     logits, labels = jnp.array([[0.0, 2.0], [2.0, 2.0]]), jnp.array([[0.0, 1.0], [1.0, 1.0]])
     expected = 0.5 * (np.log(2.0) + np.log1p(np.exp(-2.0)))
-    assert float(balanced_bce(logits=logits, labels=labels, mask=jnp.ones(2, bool))) == pytest.approx(expected, rel=1e-6)
+    assert float(balanced_bce(logits=logits, labels=labels, mask=jnp.ones(2, bool))) == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("label", [0.0, 1.0])
@@ -28,7 +30,9 @@ def test_a_batch_of_one_class_is_the_plain_loss(label: float) -> None:
     logits = jnp.array([[0.5, -1.0]])
     labels = jnp.full((1, 2), label)
     expected = np.mean(np.log1p(np.exp(np.asarray(logits) * (1 - 2 * label))))
-    assert float(balanced_bce(logits=logits, labels=labels, mask=jnp.ones(1, bool))) == pytest.approx(expected, rel=1e-6)
+    assert float(balanced_bce(logits=logits, labels=labels, mask=jnp.ones(1, bool))) == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_extreme_logits_and_empty_masks_stay_finite() -> None:

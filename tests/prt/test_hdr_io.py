@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.helpers.shared_data import shared_file
 
 from gash_jax.prt.hdr_io import LightError, read_hdr, write_hdr
+from tests.helpers.shared_data import shared_file
 
 GREY = bytes([128, 128, 128, 129])  # 128 * 2^(129 - 136) = 1
 ORANGE = bytes([200, 100, 50, 131])  # mantissas / 32

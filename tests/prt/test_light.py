@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.helpers.shared_data import shared_file
 
 from gash_jax.algebra.sh import sh_components
 from gash_jax.geometry.npz_io import FileError, write_npz
@@ -20,6 +19,7 @@ from gash_jax.prt.light import (
     rotate_light,
     save_light,
 )
+from tests.helpers.shared_data import shared_file
 
 TABLES = "hdr/sh_tables.json"
 

@@ -66,9 +66,7 @@ def _require_same_mesh(transfer: Transfer, reference: Transfer) -> None:
     if float(np.abs(transfer.vertices - reference.vertices).max()) > 1e-6 * size:
         raise ValueError("the two files are of different meshes (vertices moved): bake both from the same file")
     if transfer.bands != reference.bands:
-        raise ValueError(
-            f"the two files have {transfer.bands} and {reference.bands} bands: bake one of them again"
-        )
+        raise ValueError(f"the two files have {transfer.bands} and {reference.bands} bands: bake one of them again")
 
 
 def compare(transfer_path: Path, reference_path: Path, quiet: bool) -> dict[str, Any]:

@@ -128,9 +128,11 @@ def _assignment(text: str) -> dict[str, Any]:
         value = tomllib.loads(f"value = {raw}")["value"]
     except tomllib.TOMLDecodeError:
         value = raw.strip()
-    for part in reversed(key.strip().split(".")):
-        value = {part: value}
-    return value
+    *tables, name = key.strip().split(".")
+    nested: dict[str, Any] = {name: value}
+    for table in reversed(tables):
+        nested = {table: nested}
+    return nested
 
 
 def shipped_configs() -> dict[str, Path]:

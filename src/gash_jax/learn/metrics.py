@@ -8,8 +8,6 @@ has the same MSE, interpolated in log-log. *Shadow MSE* looks only at the darkes
 t_0; *flicker* is the RMS of the second difference in time of the error of a sequence.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
@@ -89,5 +87,5 @@ def equivalent_rays(error: float, curve: dict[int, float]) -> float | str:
         return f"< {counts[0]}"
     if error <= errors[-1]:
         return f">= {counts[-1]}"
-    order: Sequence[int] = np.argsort(errors)
+    order = np.argsort(errors)
     return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(counts[order]))))

@@ -34,7 +34,7 @@ def _rngs(key: jax.Array | None) -> dict[str, jax.Array]:
 
 def _coefficient_loss(module: nn.Module) -> LossFn:
     def loss(params: Any, batch: Batch, key: jax.Array | None) -> tuple[Array, dict[str, Array]]:
-        options = {} if key is None else {"deterministic": False}
+        options: dict[str, Any] = {} if key is None else {"deterministic": False}
         prediction = module.apply({"params": params}, batch.graph, rngs=_rngs(key), **options)
         value = squared_error(prediction=prediction, target=batch.coefficients, mask=batch.mask)  # type: ignore[arg-type]
         return value, {"mse": value}
@@ -44,7 +44,9 @@ def _coefficient_loss(module: nn.Module) -> LossFn:
 
 def _visibility_loss(module: nn.Module) -> LossFn:
     def loss(params: Any, batch: Batch, key: jax.Array | None) -> tuple[Array, dict[str, Array]]:
-        logits = module.apply({"params": params}, batch.graph, method="visibility_logits")
+        # in one block while training: only inference is cut into blocks
+        options: dict[str, Any] = {"deterministic": key is None}
+        logits = module.apply({"params": params}, batch.graph, method="visibility_logits", **options)
         terms = {"logits": logits, "labels": batch.visibility, "mask": batch.mask}
         return balanced_bce(**terms), {"accuracy": visibility_accuracy(**terms)}  # type: ignore[arg-type]
 

@@ -1,7 +1,7 @@
 """Bake the transfer of a mesh: the plain bake, and the default bake with replicates and a standard error.
 
 Rays of all vertices are cut into chunks of about `RAYS_PER_CHUNK`, small enough for the level-2 cache, and worked
-off by one Python thread per core: directions (JAX) -> visibility (Embree, GIL released) -> coefficients (JAX).
+off by Python threads: directions (JAX) -> visibility (Embree, GIL released) -> coefficients (JAX).
 Each vertex's random shift is drawn up front from the seed, so the result does not depend on threads or chunks.
 
 With `replicates` R > 1 the rays of a vertex are split into R independently shifted point sets of N/R; the estimate
@@ -96,7 +96,7 @@ def trace_rows(
                 if progress:
                     progress(done, count)
 
-    threads = min(available_cores(), len(starts))
+    threads = min(available_cores() + 1, len(starts))  # one more than cores fills the gaps between kernels
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work) for _ in range(threads)]
         try:

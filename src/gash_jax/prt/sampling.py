@@ -5,10 +5,11 @@ A *row* is one vertex under one rotation of the point set. Its rays use the Hamm
 
     u_i = frac(a_i + s),  r_i = sqrt(u_i),  z_i = sqrt(1 - u_i),  phi_i = 2 pi (b_i + w).
 
-Shifting b rotates the row's tangent frame, so sin and cos of phi are taken once per row and once per point, never
-per ray. In that frame a harmonic separates, Y_lm = f_lm(z_i) times cos(m phi_i) or sin(|m| phi_i), so the sum over
-rays is a handful of (rows, n) x (n, 2) matrix products; the row's coefficients are then turned into the world by
-its own rotation. With pdf cos/pi the estimate of the transfer is the plain mean of V Y (DESIGN: "plain bake").
+Shifting b turns the row's tangent frame, so sin and cos of phi are taken once per row and once per point, never per
+ray. In that frame a harmonic separates, Y_lm = f_lm(z_i) times cos(m phi_i) or sin(|m| phi_i), so the sum over rays
+is a handful of (rows, n) x (n, 2) matrix products; a row's coefficients are then turned by its shift about the
+normal, and all rows of a vertex into the world by one rotation. With pdf cos/pi the estimate of the transfer is the
+plain mean of V Y (DESIGN: "plain bake").
 """
 
 from functools import cache, partial
@@ -50,7 +51,10 @@ def _elevation(shift: Float[Array, "c r"], n: int) -> tuple[Float[Array, "c r n"
 
 @partial(jax.jit, static_argnames="n")
 def sample_rays(
-    origins: Float[Array | np.ndarray, "c 3"], normals: Float[Array | np.ndarray, "c 3"], shifts: Float[Array | np.ndarray, "c r 2"], n: int
+    origins: Float[Array | np.ndarray, "c 3"],
+    normals: Float[Array | np.ndarray, "c 3"],
+    shifts: Float[Array | np.ndarray, "c r 2"],
+    n: int,
 ) -> tuple[Float[Array, "rays 3"], Float[Array, "rays 3"]]:
     """Origins and unit directions of c vertices x r rotations x n points, in that order."""
     origins, normals, shifts = jnp.asarray(origins), jnp.asarray(normals), jnp.asarray(shifts)
@@ -77,29 +81,35 @@ def _profiles(z: Float[Array, "*s"], r: Float[Array, "*s"], bands: int, m: int) 
     return profiles
 
 
-def _local_sums(
-    visible: Float[Array, "c r n"], z: Float[Array, "c r n"], r: Float[Array, "c r n"], bands: int
-) -> Float[Array, "c r k"]:
-    """Mean of V Y over each row's rays, in the row's frame."""
+def _local_sums(visible: Float[Array, "c r n"], shifts: Float[Array, "c r 2"], bands: int) -> Float[Array, "c r k"]:
+    """Mean of V Y over each row's rays, in the frame of the normal that all rows of a vertex share."""
     n = visible.shape[-1]
+    z, r = _elevation(shifts[..., 0], n)
     azimuth = 2 * pi * lattice(n)[:, 1].astype(np.float64)
     columns: list = [None] * bands**2
     for m in range(bands):
-        waves = np.stack([np.cos(m * azimuth), np.sin(m * azimuth)], -1).astype(np.float32) / n
-        for order, profile in enumerate(_profiles(z, r, bands, m), start=m):
-            sums = (visible * profile) @ waves
-            columns[order * order + order + m] = sums[..., 0]
-            if m:
-                columns[order * order + order - m] = sums[..., 1]
+        waves = np.stack([np.cos(m * azimuth), np.sin(m * azimuth)], -1)[:, : 2 if m else 1].astype(np.float32) / n
+        seen = jnp.stack([visible * profile for profile in _profiles(z, r, bands, m)])
+        sums = (seen.reshape(-1, n) @ waves).reshape(*seen.shape[:-1], -1)
+        if m == 0:
+            for order in range(bands):
+                columns[order * order + order] = sums[order, ..., 0]
+            continue
+        cos, sin = (wave(2 * pi * m * shifts[..., 1])[None] for wave in (jnp.cos, jnp.sin))
+        even, odd = sums[..., 0] * cos - sums[..., 1] * sin, sums[..., 1] * cos + sums[..., 0] * sin
+        for order in range(m, bands):
+            columns[order * order + order + m], columns[order * order + order - m] = even[order - m], odd[order - m]
     return jnp.stack(columns, -1)
 
 
 @partial(jax.jit, static_argnames="bands")
 def integrate_rays(
-    visible: Bool[Array | np.ndarray, "c r n"], normals: Float[Array | np.ndarray, "c 3"], shifts: Float[Array | np.ndarray, "c r 2"], bands: int
+    visible: Bool[Array | np.ndarray, "c r n"],
+    normals: Float[Array | np.ndarray, "c 3"],
+    shifts: Float[Array | np.ndarray, "c r 2"],
+    bands: int,
 ) -> Float[Array, "c r k"]:
     """Transfer coefficients of every row, in the world frame, from the visibility of the rays of `sample_rays`."""
     visible, normals, shifts = jnp.asarray(visible), jnp.asarray(normals), jnp.asarray(shifts)
-    z, r = _elevation(shifts[..., 0], visible.shape[-1])
-    local = _local_sums(visible.astype(jnp.float32), z, r, bands)
-    return rotate_coefficients(local, _row_frames(normals, shifts[..., 1]))
+    local = _local_sums(visible.astype(jnp.float32), shifts, bands)
+    return rotate_coefficients(local, orthonormal_frame(normals)[:, None])
