@@ -27,7 +27,11 @@ def test_the_whole_way(tmp_path: Path) -> None:
     assert transfer.coefficients.shape == coefficients.shape == (count, 9)
     assert radiance.shape == (count, 3)
     baked = np.asarray(gash_jax.shade(transfer.coefficients, light))
-    assert np.isfinite(np.asarray(radiance)).all() and (baked > 0).mean() > 0.95
+    assert np.isfinite(np.asarray(radiance)).all() and 0.1 < baked.mean() < 2.0
+    # shadows of a generated mesh of another kind: the shipped weights beat the closed form
+    formula = np.asarray(gash_jax.unshadowed_transfer(mesh.normals, 3))
+    errors = [np.mean((np.asarray(c) - transfer.coefficients) ** 2) for c in (coefficients, formula)]
+    assert errors[0] < 0.7 * errors[1]
 
 
 def test_every_public_name_exists_and_says_what_it_is() -> None:

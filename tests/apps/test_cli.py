@@ -84,7 +84,8 @@ def test_info_tells_every_kind_of_file(folder: Path, capsys: pytest.CaptureFixtu
 def test_render_writes_a_picture_of_the_mesh(folder: Path) -> None:
     for light in ("studio.hdr", "light.npz"):
         run(folder, "render", "bumpy.npz", "--light", light, "-o", "p.png", "--size", "64", "--view", "front")
-        pixels = np.asarray(Image.open(folder / "p.png").convert("L"), float)
+        with Image.open(folder / "p.png") as picture:
+            pixels = np.asarray(picture.convert("L"), float)
         assert pixels.shape[1] >= 64
         middle = pixels[-40:-20, 20:44]
         assert middle.std() > 3 and middle.mean() > 20

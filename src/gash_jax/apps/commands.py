@@ -135,10 +135,10 @@ def render(transfer_path: Path, light_path: Path, output: Path, views: tuple[str
     images = []
     with progress_bar("rendering", quiet) as update:
         for step, view in enumerate(views):
-            images.append(np.maximum(shade_view(cast_view(transfer.mesh, view, size), radiance), 0))
+            images.append(shade_view(cast_view(transfer.mesh, view, size), radiance))
             update(step + 1, len(views))
     exposure = exposure_for(images)
-    panels = [(view, to_srgb(image, exposure)) for view, image in zip(views, images, strict=True)]
+    panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
     write_png(output, montage(panels))
     say(f"wrote {output} ({len(views)} views, {size} pixels each)", quiet)
 

@@ -138,19 +138,15 @@ def _picture(
     names |= {"closed form": f"closed form, no shadows\n{label['closed form']}"}
     names |= {"local": f"prediction (local), no rays\n{label['local']}"}
     radiance = {name: np.asarray(shade(found[name], light)) for name in names}
+    hits = {view: cast_view(mesh, view, 480) for view in ("front", "back")}
+    exposure = exposure_for([shade_view(hit, radiance["reference"]) for hit in hits.values()])
     panels = []
-    for view in ("front", "back"):
-        hit = cast_view(mesh, view, 480)
+    for hit in hits.values():
         images = {name: shade_view(hit, values) for name, values in radiance.items()}
-        exposure = exposure_for([images["reference"]])
-        panels += [(names[name], to_srgb(np.maximum(image, 0), exposure)) for name, image in images.items()]
-        difference = (images["local"] - images["reference"]).mean(-1) * exposure
-        panels.append(
-            (
-                "difference, prediction - reference\nblue darker, red brighter, full at 0.3",
-                signed_colors(difference, 0.3),
-            )
-        )
+        panels += [(names[name], to_srgb(*image, exposure)) for name, image in images.items()]
+        difference = (images["local"][0] - images["reference"][0]).mean(-1) * exposure
+        caption = "difference, prediction - reference\nblue darker, red brighter, full at 0.3"
+        panels.append((caption, signed_colors(difference, 0.3)))
     write_png(path, montage(panels, columns=4))
 
 

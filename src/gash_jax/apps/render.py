@@ -66,23 +66,27 @@ def cast_view(mesh: Mesh, view: str = "front", size: int = 512) -> Hit:
 
 
 def shade_view(
-    hit: Hit, values: Float[np.ndarray, "v c"], background: float = BACKGROUND
-) -> Float[np.ndarray, "h w c"]:
-    """Interpolate per-vertex values over the faces and average the samples of each pixel."""
+    hit: Hit, values: Float[np.ndarray, "v c"]
+) -> tuple[Float[np.ndarray, "h w c"], Float[np.ndarray, "h w"]]:
+    """Interpolate per-vertex values over the faces, average the samples of each pixel; image (0 beside the mesh)
+    and the covered share of each pixel."""
     image = np.einsum("hwj,hwjc->hwc", hit.weights, values[hit.corners])
-    image += background * (1.0 - hit.weights.sum(-1, keepdims=True))
-    height, width, channels = image.shape
-    return image.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, channels).mean((1, 3))
+    channels = np.concatenate([image, hit.weights.sum(-1, keepdims=True)], -1)
+    height, width = channels.shape[:2]
+    pixels = channels.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, -1).mean((1, 3))
+    return pixels[..., :-1], pixels[..., -1]
 
 
-def exposure_for(images: list[np.ndarray]) -> float:
-    """One exposure for pictures that are compared: the 99th percentile of their luminance becomes 0.9."""
-    brightest = np.quantile(np.concatenate([image.mean(-1).ravel() for image in images]), 0.99)
-    return float(0.9 / max(brightest, 1e-9))
+def exposure_for(views: list[tuple[np.ndarray, np.ndarray]]) -> float:
+    """One exposure for pictures that are compared: the 98th percentile of the mesh's luminance becomes 0.9."""
+    luminance = np.concatenate([image.mean(-1)[coverage > 0.5] for image, coverage in views])
+    return float(0.9 / max(np.quantile(luminance, 0.98), 1e-9)) if luminance.size else 1.0
 
 
-def to_srgb(image: Float[np.ndarray, "h w 3"], exposure: float) -> UInt8[np.ndarray, "h w 3"]:
-    """Exposed linear radiance to 8-bit sRGB (IEC 61966-2-1); values above 1 are clipped."""
-    linear = np.clip(image * exposure, 0.0, 1.0)
+def to_srgb(
+    image: Float[np.ndarray, "h w 3"], coverage: Float[np.ndarray, "h w"], exposure: float
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Exposed linear radiance before a dark ground, as 8-bit sRGB (IEC 61966-2-1); negative and above 1 is clipped."""
+    linear = np.clip(np.maximum(image, 0) * exposure + BACKGROUND * (1 - coverage[..., None]), 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-8) ** (1 / 2.4) - 0.055)
     return np.round(encoded * 255).astype(np.uint8)

@@ -1,0 +1,93 @@
+"""Training, prediction and the demo from the command line, on a corpus of a few small shapes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gash_jax.apps import demo
+from gash_jax.apps.cli import gash
+from gash_jax.geometry.mesh_io import save_mesh
+from gash_jax.geometry.primitives import bumpy_sphere
+from gash_jax.learn.config import DataConfig, TrainConfig, load_config
+from gash_jax.nn.registry import ModelConfig
+from gash_jax.prt.transfer import load_transfer
+
+TINY = """
+name = "tiny"
+[model]
+name = "local"
+channels = 8
+layers = 1
+heads = 2
+[data]
+shapes = 2
+validation_shapes = 1
+rays = 16
+min_vertices = 150
+max_vertices = 300
+[train]
+steps = 6
+batch_vertices = 512
+"""
+
+
+def test_train_then_predict_then_continue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(TINY)
+    save_mesh("bumpy.ply", bumpy_sphere(10))
+    gash.main(["train", "tiny.toml", "-o", "run"], standalone_mode=False)
+    said = capsys.readouterr().out
+    assert "validation MSE" in said and "wrote run/model.npz" in said
+    gash.main(["predict", "bumpy.ply", "-o", "p.npz", "--model", "run/model.npz"], standalone_mode=False)
+    transfer = load_transfer("p.npz")
+    assert transfer.metadata["method"] == "predict" and transfer.metadata["rays_total"] == 0
+    assert transfer.standard_error is None and np.isfinite(transfer.coefficients).all()
+    gash.main(["info", "run/model.npz"], standalone_mode=False)
+    assert "parameters" in capsys.readouterr().out
+    before = Path("run/model.npz").stat().st_mtime_ns
+    gash.main(["train", "tiny.toml", "-o", "run", "--quiet"], standalone_mode=False)  # nothing is left to do
+    assert Path("run/model.npz").stat().st_mtime_ns >= before
+
+
+def _tiny_configs(seconds: float) -> dict:
+    data = DataConfig(shapes=2, validation_shapes=1, rays=16, min_vertices=150, max_vertices=300)
+    budget = TrainConfig(steps=4, batch_vertices=512)
+    models = {
+        "mlp": ModelConfig(name="mlp", channels=8, layers=1),
+        "two-stage": ModelConfig(
+            name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
+        ),
+        "local": ModelConfig(name="local", channels=8, layers=1, heads=2),
+    }
+    return {n: replace(load_config(n), model=m, data=data, train=budget) for n, m in models.items()}
+
+
+def test_demo_writes_its_table_and_its_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo, "demo_configs", _tiny_configs)
+    monkeypatch.setattr(demo, "REFERENCE_RAYS", 256)
+    monkeypatch.setattr(demo, "PLAIN_RAYS", (8, 16))
+    save_mesh("bumpy.ply", bumpy_sphere(10))
+    gash.main(["demo", "-o", "out", "--mesh", "bumpy.ply"], standalone_mode=False)
+    said = capsys.readouterr().out
+    for method in ("closed form", "plain bake, 8 rays", "mlp", "two-stage", "local"):
+        assert method in said
+    results = json.loads(Path("out/results.json").read_text())
+    assert {"machine", "commit", "seed", "rows"} <= set(results)
+    assert results["rows"][0]["method"] == "closed form" and abs(results["rows"][0]["skill"]) < 1e-5
+    with Image.open("out/picture.png") as picture:
+        assert picture.size[0] > 1500
+
+
+def test_demo_configs_share_corpus_and_have_the_budget() -> None:
+    configs = demo.demo_configs(80.0)
+    assert {c.train.seconds for n, c in configs.items() if n != "mlp"} == {80.0}
+    assert len({c.data for c in configs.values()}) == 1
