@@ -48,6 +48,8 @@ def test_train_then_predict_then_continue(
     transfer = load_transfer("p.npz")
     assert transfer.metadata["method"] == "predict" and transfer.metadata["rays_total"] == 0
     assert transfer.standard_error is None and np.isfinite(transfer.coefficients).all()
+    with pytest.raises(ValueError, match="p.npz is not a bake"):
+        gash.main(["compare", "p.npz", "p.npz"], standalone_mode=False)
     gash.main(["info", "run/model.npz"], standalone_mode=False)
     assert "parameters" in capsys.readouterr().out
     before = Path("run/model.npz").stat().st_mtime_ns

@@ -20,8 +20,6 @@ from gash_jax.prt.light import load_light, save_light
 from gash_jax.prt.shading import shade
 from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
 
-DEFAULT_REFERENCE_RAYS = 4096
-
 
 def bake(
     mesh_path: Path,
@@ -75,7 +73,9 @@ def compare(transfer_path: Path, reference_path: Path, quiet: bool) -> dict[str,
     _require_same_mesh(transfer, reference)
     estimate, truth = transfer.coefficients, reference.coefficients
     per_mse, per_std = metrics.coefficient_errors(estimate, truth)
-    rays = reference.metadata.get("parameters", {}).get("rays", DEFAULT_REFERENCE_RAYS)
+    rays = reference.metadata.get("parameters", {}).get("rays")
+    if rays is None:
+        raise ValueError(f"{reference_path} is not a bake: compare with one, such as gash bake MESH --rays 4096")
     with progress_bar("baking the yardstick", quiet) as update:
         curve = metrics.plain_bake_curve(reference.mesh, truth, rays, progress=update)
     error = metrics.mse(estimate, truth)

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from flax import linen as nn
 
+from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.nn.local import LocalNet
 from gash_jax.nn.mlp import MLP
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 
-MAX_BANDS = 10
 GRAPHS = ("knn", "rings", "none")
 
 
