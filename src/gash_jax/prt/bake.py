@@ -139,8 +139,9 @@ def bake_transfer(
         rows = trace_rows(normals, origins, shifts, rays // count, bands, visible, progress)
         coefficients[active] = rows.mean(1)
         if error is not None:
-            spread = rows.std(1, ddof=1) / np.sqrt(np.float32(count))
-            error[active] = np.maximum(spread, standard_error_floor(bands, rays))
+            difference = rows - coefficients[active][:, None]
+            variance = np.einsum("ark,ark->ak", difference, difference) / np.float32(count * (count - 1))
+            error[active] = np.maximum(np.sqrt(variance), standard_error_floor(bands, rays))
     finished = time.perf_counter()
     metadata = make_metadata(
         bands,

@@ -5,6 +5,7 @@ integral is A_l Y_k(n) / pi (Ramamoorthi & Hanrahan 2001): a formula, never samp
 """
 
 import platform
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -54,6 +55,7 @@ def unshadowed_transfer(normals: Float[Array | np.ndarray, "v 3"], bands: int) -
     return jnp.where(usable, evaluate_sh(normals, bands) * factors[None], 0.0)
 
 
+@cache
 def software_versions() -> dict[str, str]:
     """Versions that a reader needs to rebuild a result."""
     packages = ("gash-jax", "jax", "numpy", "embreex", "trimesh")
