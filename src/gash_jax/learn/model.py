@@ -57,11 +57,6 @@ def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return mesh.vertices, mesh.normals, mesh.faces
 
 
-def count_parameters(params: dict[str, Any]) -> int:
-    """Number of weights."""
-    return sum(int(np.size(leaf)) for leaf in jax.tree.leaves(params))
-
-
 def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:
     """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config."""
     arrays = {name: np.asarray(leaf, np.float32) for name, leaf in flatten_dict(params, sep="/").items()}

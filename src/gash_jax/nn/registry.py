@@ -4,7 +4,7 @@ Every model answers one contract: `build_model(config).apply(variables, graph, d
 k = bands² and the nodes in the order of the mesh's vertices.
 """
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 from flax import linen as nn
@@ -89,20 +89,6 @@ class ModelConfig:
     def to_dict(self) -> dict[str, Any]:
         """Plain values by field name."""
         return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "ModelConfig":
-        """The config with these values. Raises ValueError on a key that is no field, or a value of another type."""
-        defaults = {field.name: field.default for field in fields(cls)}
-        checked = {}
-        for key, value in values.items():
-            if key not in defaults:
-                raise ValueError(f"unknown key {key!r} in model config: known are {', '.join(defaults)}")
-            kind = type(defaults[key])
-            if type(value) is not kind and (kind, type(value)) != (float, int):
-                raise ValueError(f"{key} = {value!r} in model config: must be {kind.__name__}")
-            checked[key] = kind(value)
-        return cls(**checked)
 
 
 def build_model(config: ModelConfig) -> nn.Module:

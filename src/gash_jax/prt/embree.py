@@ -1,6 +1,6 @@
 """Embree visibility: the only file that imports embreex.
 
-embreex traces single rays and releases the GIL while it does, so callers run it from one Python thread per core.
+embreex traces single rays and releases the GIL while it does, so callers run it from several Python threads.
 `OCCLUDED` is the any-hit query: it returns 0 for a hit and -1 for a free ray. The scene is committed inside the
 first `run`, holding the GIL, so a first ray is traced here, before any thread is started. Embree starts every ray
 at parameter 0: the lift off the surface is the caller's (`rays.trace_geometry`).
