@@ -216,12 +216,12 @@ def test_bad_light_files_are_refused(tmp_path: Path, coefficients: np.ndarray, f
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "map.exr").write_bytes(b"\x76\x2f\x31\x01")
+    (tmp_path / "map.tif").write_bytes(b"II*\0")
     (tmp_path / "half.npz").write_bytes(b"no archive")
-    with pytest.raises(LightError, match="readable are Radiance .hdr maps and light .npz files"):
-        load_light(tmp_path / "map.exr")
+    with pytest.raises(LightError, match="readable are Radiance .hdr maps, OpenEXR .exr maps and light .npz files"):
+        load_light(tmp_path / "map.tif")
     with pytest.raises(LightError, match="no such file"):
-        load_light(tmp_path / "none.exr")
+        load_light(tmp_path / "none.tif")
     with pytest.raises(FileError, match="truncated"):
         load_light(tmp_path / "half.npz")
     with pytest.raises(ValueError, match="bands is 99"):

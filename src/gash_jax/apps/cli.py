@@ -114,13 +114,13 @@ def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None
 @bands_option()
 @quiet_option
 def light(map: Path, output: Path, bands: int, quiet: bool) -> None:
-    """Project an equirectangular environment map (.hdr) to spherical harmonics."""
+    """Project an equirectangular environment map (.hdr, .exr) to spherical harmonics."""
     commands.light(map, output, bands, quiet)
 
 
 @gash.command(cls=Command, epilog="gash render bunny.npz --light studio.hdr -o bunny.png --view front --view back")
 @click.argument("transfer", type=PATH)
-@click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr) or light file (.npz).")
+@click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr, .exr) or light (.npz).")
 @output_option
 @click.option(
     "--view",
@@ -169,7 +169,7 @@ def info(file: Path, as_json: bool) -> None:
     help="Folder to write.",
 )
 @click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
-@click.option("--light", "light_path", type=PATH, help="Environment map (.hdr).  [default: a generated studio]")
+@click.option("--light", "light_path", type=PATH, help="Environment map (.hdr, .exr).  [default: a generated studio]")
 @click.option(
     "--seconds",
     type=click.FloatRange(1.0, 3600.0),

@@ -19,9 +19,9 @@ from jaxtyping import Float, Shaped, UInt8
 
 from gash_jax.geometry.npz_io import FileError, check_writable
 
-FORMATS = "Radiance .hdr maps and light .npz files"
+FORMATS = "Radiance .hdr maps, OpenEXR .exr maps and light .npz files"
+MOST_PIXELS = 1 << 28
 _AXES = re.compile(rb"([+-])([XY]) (\d+) ([+-])([XY]) (\d+)")
-_MOST_PIXELS = 1 << 28
 _BRIGHTEST = math.ldexp(255, 119)
 _RLE_WIDTHS = range(8, 32768)
 
@@ -30,20 +30,26 @@ class LightError(FileError):
     """A light or an environment map cannot be read, written or used; one line that says what to do."""
 
 
+def read_bytes(path: Path, count: int = -1) -> bytes:
+    """All bytes of an environment map or its first `count`; LightError if it is missing, a folder or not readable."""
+    if path.is_dir():
+        raise LightError(f"{path} is a folder: name one environment map (.hdr, .exr) in it")
+    try:
+        with open(path, "rb") as file:
+            return file.read(count)
+    except FileNotFoundError:
+        raise LightError(f"no such file: {path}") from None
+    except OSError as error:
+        raise LightError(f"cannot read {path}: {error.strerror}") from None
+
+
 def read_hdr(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     """Linear radiance of a Radiance picture, float32, top row first, left pixel first.
 
     Raises LightError if the file is missing, a folder, of another format, truncated or not finite.
     """
     path = Path(path)
-    if path.is_dir():
-        raise LightError(f"{path} is a folder: name one environment map (.hdr) in it")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise LightError(f"no such file: {path}") from None
-    except OSError as error:
-        raise LightError(f"cannot read {path}: {error.strerror}") from None
+    data = read_bytes(path)
     if not data.startswith((b"#?RADIANCE", b"#?RGBE")):
         raise LightError(f"{path} is not a Radiance picture: readable are {FORMATS}, convert it to .hdr")
     header = _read_header(data, path)
@@ -107,8 +113,8 @@ def _read_header(data: bytes, path: Path) -> _Header:
         if name == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
             raise LightError(f"{path} is coded as {value[:40].decode(errors='replace')}: only RGBE, convert it")
     slow, fast = int(axes[3]), int(axes[6])
-    if not 0 < slow * fast <= _MOST_PIXELS:
-        raise LightError(f"{path} has {slow} x {fast} pixels: use a map with 1 to {_MOST_PIXELS}")
+    if not 0 < slow * fast <= MOST_PIXELS:
+        raise LightError(f"{path} has {slow} x {fast} pixels: use a map with 1 to {MOST_PIXELS}")
     signs = {axes[2]: axes[1], axes[5]: axes[4]}
     turns = axes[2] == b"X", signs[b"Y"] == b"+", signs[b"X"] == b"-"
     return _Header(slow, fast, *turns, scale.astype(np.float32), len(head) + 2 + len(resolution) + 1)

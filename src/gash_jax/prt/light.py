@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Shaped
 from gash_jax.algebra.sh import sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.npz_io import read_npz, write_npz
+from gash_jax.prt.exr_io import read_exr
 from gash_jax.prt.hdr_io import FORMATS, LightError, read_hdr
 
 FORMAT, FORMAT_VERSION = "gash-light", 1
@@ -77,7 +78,7 @@ def project_light(image: Shaped[np.ndarray, "..."], bands: int) -> Float[np.ndar
 
 
 def load_light(path: str | Path, bands: int = 3) -> Light:
-    """Light with `bands` bands from an environment map (.hdr, .pic) or a light file (.npz).
+    """Light with `bands` bands from an environment map (.hdr, .pic, .exr) or a light file (.npz).
 
     A light file with more bands is cut; with fewer it is refused, as the missing ones are not in it. Raises LightError
     for a map and FileError for an npz that cannot be used.
@@ -86,9 +87,10 @@ def load_light(path: str | Path, bands: int = 3) -> Light:
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return _load_light_file(path, bands)
-    if path.suffix.lower() not in (".hdr", ".pic") and path.is_file():
+    suffix = path.suffix.lower()
+    if suffix not in (".hdr", ".pic", ".exr") and path.is_file():
         raise LightError(f"{path} has no known light format: readable are {FORMATS}, convert it to .hdr")
-    image = read_hdr(path)
+    image = read_exr(path) if suffix == ".exr" else read_hdr(path)
     entries = {"source": path.name, "map": list(image.shape[:2])}
     return Light(project_light(image, bands), light_metadata(bands, **entries))
 
