@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.apps.provenance import provenance
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.mesh_io import load_mesh
@@ -35,7 +36,8 @@ def raw_seconds(mesh: Mesh, rays: int, chunk_rays: int = 1 << 17) -> float:
     shifts = np.random.default_rng(0).random((len(mesh.vertices), 1, 2), np.float32)
     step = max(1, chunk_rays // rays)
     chunks = [active[i : i + step] for i in range(0, len(active) // step * step, step)]
-    rays_of = [sample_rays(geometry.origins[c], mesh.normals[c], shifts[c], rays) for c in chunks]
+    frames = np.asarray(orthonormal_frame(mesh.normals))
+    rays_of = [sample_rays(geometry.origins[c], frames[c], shifts[c], rays) for c in chunks]
     work = [(np.asarray(o), np.asarray(d)) for o, d in rays_of]
     traced = sum(len(o) for o, _ in work)
     cores = available_cores()

@@ -80,7 +80,8 @@ def test_standard_error_predicts_the_error() -> None:
         actual = np.sqrt(np.mean((baked.coefficients - reference) ** 2))
         claimed = np.sqrt(np.mean(baked.standard_error**2))
         assert 0.8 < claimed / actual < 1.3
-        assert np.all(baked.standard_error >= standard_error_floor(3, rays) * (1 - 1e-6))
+        part = np.full(len(mesh.vertices), 0.5)
+        assert np.all(baked.standard_error >= standard_error_floor(3, rays, part) * (1 - 1e-6))
 
 
 def test_replicates_by_hand() -> None:

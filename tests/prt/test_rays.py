@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.geometry.primitives import box, icosphere, plane
@@ -58,7 +59,7 @@ def _self_hits(offset: float, seeds: range) -> int:
         geometry = trace_geometry(mesh)
         origins = (geometry.vertices + offset * mesh.normals.astype(np.float64)).astype(np.float32)
         shifts = np.random.default_rng(seed).random((len(origins), 1, 2), np.float32)
-        rays = [np.asarray(a) for a in sample_rays(origins, mesh.normals, shifts, 64)]
+        rays = [np.asarray(a) for a in sample_rays(origins, orthonormal_frame(mesh.normals), shifts, 64)]
         hits += int((~visibility(geometry.vertices, geometry.faces)(*rays)).sum())
     return hits
 

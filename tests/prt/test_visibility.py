@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.primitives import bumpy_sphere, spherical_bowl, two_plates, v_groove
 from gash_jax.learn.shapes import make_shape
@@ -30,7 +31,7 @@ def _rays(mesh: Mesh, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     active = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
     rows = rng.choice(active, min(200, len(active)), replace=False)
     shifts = rng.random((len(rows), 1, 2), np.float32)
-    rays = sample_rays(geometry.origins[rows], mesh.normals[rows], shifts, RAYS)
+    rays = sample_rays(geometry.origins[rows], orthonormal_frame(mesh.normals[rows]), shifts, RAYS)
     return np.asarray(rays[0]), np.asarray(rays[1])
 
 

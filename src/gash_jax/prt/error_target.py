@@ -1,0 +1,235 @@
+"""Bake to an error instead of a number of rays: rounds of rays that go where the estimated error is.
+
+Every vertex has one randomly shifted Korobov lattice, which can be doubled without wasting what was traced
+(`sampling`). The first `PILOT` rays of a lattice fall into four interleaved quarters; doubling joins them two by two
+and adds two. Estimates of a quarter are blended with the closed form by the share of free rays known so far, so a
+vertex whose rays are all free *is* the closed form.
+
+Error of a vertex with N rays. The quarters q of one lattice are no independent replicates (a lattice is better than
+its parts are by chance), so their spread is scaled by what one lattice is worth:
+
+    standard_error² = KAPPA(N) * var(q) / 4,
+
+with KAPPA measured on generated shapes (`experiments/lattice_error`). Where all N rays agree: the floor of `bake`.
+
+Where the rays go. The variance falls like N^-RATE, as boundaries of shadows cost, so to reach a total at least cost
+the rays per vertex must grow as (variance at one ray)^(1/(1 + RATE)) (Lagrange). That variance is averaged over each
+vertex's neighbours on the surface first: four quarters are few, neighbours see nearly the same shadows, and a vertex
+whose few rays have all missed a shadow learns of it from them. A round doubles the vertices that want at least
+sqrt(2) times the rays they have; the bake ends when the summed standard errors are within the target.
+"""
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from gash_jax.algebra.sh import validate_bands
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.bake import ProgressFn, Rows, active_rows, standard_error_floor, trace_rows
+from gash_jax.prt.rays import VisibilityFn, trace_geometry
+from gash_jax.prt.sampling import korobov, to_world
+from gash_jax.prt.transfer import Transfer, make_metadata
+from gash_jax.prt.visibility import visibility
+
+PILOT, MOST_RAYS = 8, 1 << 15
+RATE = 1.5
+LOWEST_ERROR, HIGHEST_ERROR = 1e-3, 1.0
+ROWS_AT_ONCE = 1 << 18
+# rms error of vertices whose rays all agree over the floor, on generated shapes
+MISSED = 0.3
+# variance of a whole lattice of 2^3, 2^4 ... rays over a quarter of the variance among its quarters
+KAPPA = (0.45, 0.43, 0.58, 0.45, 0.40, 0.335, 0.33, 0.33)
+
+
+class State(NamedTuple):
+    """What is known of each active vertex: rays, free share, quarters in its own frame."""
+
+    rays: Int[np.ndarray, "a"]
+    share: Float[np.ndarray, "a"]
+    quarters: Float[np.ndarray, "a 4 k"]
+
+
+def check_error(error: float) -> None:
+    """Raise ValueError for an error that no bake should aim at."""
+    if not LOWEST_ERROR <= error <= HIGHEST_ERROR:
+        raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error:g}")
+
+
+def kappa(rays: Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
+    """Scale of the quarters' variance for lattices of `rays` points; the last entry serves all larger ones."""
+    level = np.log2(rays / PILOT).round().astype(int)
+    return np.array(KAPPA, np.float32)[np.minimum(level, len(KAPPA) - 1)]
+
+
+def _block_shifts(shifts: Float[np.ndarray, "a 2"], start: int, count: int, size: int) -> Float[np.ndarray, "a c 2"]:
+    """Shifts under which the first `size` lattice points become `count` consecutive blocks from point `start` on."""
+    moved = shifts[:, None] + korobov(start + size * np.arange(count))[None]
+    return (moved - np.floor(moved)).astype(np.float32)
+
+
+def _trace(rows: Rows, share: np.ndarray | None, start: int, end: int, bands: int, visible: VisibilityFn):
+    """Lattice points start .. end of some vertices, as the (a, parts, k) estimates of equal parts and the free share.
+
+    Two ray kernels serve all rounds, so that little is compiled: 4 rows of 2 rays, and from 32 rays on rows of 16.
+    """
+    size, group = (2, 4) if end - start < 32 else (16, 1)
+    units = (end - start) // (size * group)
+    parts = 4 if start == 0 else 2
+    slab = max(1, ROWS_AT_ONCE // (units * group))
+    estimates, free = [], []
+    for first in range(0, len(rows.origins), slab):
+        some = rows.take(np.arange(first, min(first + slab, len(rows.origins))))
+        count = len(some.origins)
+        shifts = _block_shifts(some.shifts[:, 0], start, units * group, size).reshape(count * units, group, 2)
+        repeated = some.take(np.repeat(np.arange(count), units))._replace(shifts=shifts)
+        known = None if share is None else np.repeat(share[first : first + count], units)
+        local, found = trace_rows(repeated, known, size, bands, visible, lattice="korobov")
+        estimates.append(local.reshape(count, parts, -1, bands**2).mean(2))
+        free.append(found.reshape(count, units).mean(1))
+    return np.concatenate(estimates), np.concatenate(free)
+
+
+def _double(state: State, chosen: np.ndarray, rows: Rows, bands: int, visible: VisibilityFn) -> None:
+    """Double the rays of the chosen vertices, in place."""
+    for rays in np.unique(state.rays[chosen]):
+        index = np.flatnonzero(chosen & (state.rays == rays))
+        new, free = _trace(rows.take(index), state.share[index], int(rays), 2 * int(rays), bands, visible)
+        old = state.quarters[index]
+        state.quarters[index] = np.concatenate([(old[:, 0::2] + old[:, 1::2]) / 2, new], axis=1)
+        state.share[index] = (state.share[index] + free) / 2
+        state.rays[index] *= 2
+
+
+def _standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: int) -> Float[np.ndarray, "a k"]:
+    variance = kappa(state.rays)[:, None] * quarters.var(1, ddof=1) / 4
+    return np.maximum(np.sqrt(variance), standard_error_floor(bands, state.rays, state.share))
+
+
+def expected_variance(state: State, bands: int) -> Float[np.ndarray, "a"]:
+    """Squared error expected of each vertex, summed over its coefficients.
+
+    The floor of vertices whose rays agree is a bound for each; most of them are exact, so fewer are missed on average.
+    """
+    error = _standard_error(state, state.quarters, bands).astype(np.float64)
+    agree = (state.share == 0) | (state.share == 1)
+    return np.where(agree, MISSED**2, 1.0) * np.sum(error**2, axis=1)
+
+
+def neighbour_mean(mesh: Mesh, active: Int[np.ndarray, "a"]) -> sp.csr_matrix:
+    """Matrix (a, a) that averages a value over each active vertex and its neighbours along edges."""
+    number = np.full(len(mesh.vertices), -1)
+    number[active] = np.arange(len(active))
+    corners = number[mesh.faces]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = edges[(edges >= 0).all(1)]
+    ends = np.concatenate([edges, edges[:, ::-1], np.arange(len(active))[:, None].repeat(2, 1)])
+    shape = (len(active), len(active))
+    joined = sp.csr_matrix((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=shape)
+    joined.data[:] = 1.0  # an edge counts once, however many faces share it
+    return sp.csr_matrix(sp.diags(1.0 / np.asarray(joined.sum(1)).ravel()) @ joined)
+
+
+def choose_doublings(
+    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], budget: float
+) -> tuple[np.ndarray, float]:
+    """Which vertices to double, and the rays that the rest of the bake is then expected to need in all.
+
+    `variance` is the one expected of each vertex at its present rays. Solves for the multiplier with which the
+    rounded, never falling ray counts meet the budget.
+    """
+    unit = np.maximum(variance * rays.astype(np.float64) ** RATE, 1e-30) ** (1 / (1 + RATE))
+
+    def doublings(multiplier: float) -> np.ndarray:
+        return np.floor(np.maximum(np.log2(np.exp2(multiplier) * unit / rays), 0.0) + 0.5)
+
+    low, high = -40.0, 80.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        total = float(np.sum(variance * np.exp2(-RATE * doublings(middle))))
+        low, high = (middle, high) if total > budget else (low, middle)
+    count = doublings(high)
+    return count > 0, float(np.sum(rays * np.exp2(count)))
+
+
+def bake_to_error(
+    mesh: Mesh,
+    error: float,
+    bands: int = 3,
+    *,
+    seed: int = 0,
+    backend: str = "embree",
+    progress: ProgressFn | None = None,
+) -> Transfer:
+    """Bake shadowed diffuse transfer to a relative RMS error over the mesh (DESIGN: relrmse).
+
+    `standard_error` is calibrated for irregular scenes; read it with Student's t at 3 degrees of freedom. The
+    metadata's `modelled` says which share of the vertices stayed with a formula and how many rays each round took;
+    `estimated_error` is what the bake believes it reached. `progress(done, total)` counts rays, the total as
+    expected so far. Vertices stop at 2^15 rays each. Raises ValueError for options out of range.
+    """
+    validate_bands(bands)
+    check_error(error)
+    started = time.perf_counter()
+    geometry = trace_geometry(mesh)
+    visible = visibility(geometry.vertices, geometry.faces, backend)
+    built = time.perf_counter()
+    shifts = np.random.default_rng(seed).random((len(mesh.vertices), 1, 2), np.float32)
+    active, rows = active_rows(mesh, geometry, None, shifts)
+    coefficients, errors = (np.zeros((len(mesh.vertices), bands**2), np.float32) for _ in range(2))
+    report: dict[str, Any] = {"rounds": [], "estimated_error": 0.0, "modelled": {}}
+    rays_total = 0
+    if len(active):
+        smooth = neighbour_mean(mesh, active)
+        state, report = run_rounds(rows, error, bands, visible, smooth, progress)
+        rays_total = int(state.rays.sum())
+        quarters = np.asarray(to_world(state.quarters, rows.frames))
+        coefficients[active] = quarters.mean(1)
+        errors[active] = _standard_error(state, quarters, bands)
+    finished = time.perf_counter()
+    metadata = make_metadata(
+        bands,
+        "bake to error",
+        {"error": error, "seed": seed, "backend": backend},
+        rays_total=rays_total,
+        **report,
+        ray_offset=geometry.offset,
+        seconds={"build": built - started, "trace": finished - built, "total": finished - started},
+    )
+    return Transfer(coefficients, errors, mesh.vertices, mesh.normals, mesh.faces, metadata)
+
+
+def run_rounds(
+    rows: Rows,
+    error: float,
+    bands: int,
+    visible: VisibilityFn,
+    smooth: sp.csr_matrix,
+    progress: ProgressFn | None = None,
+) -> tuple[State, dict[str, Any]]:
+    """Trace until the estimated relative error is at most `error`; also what there is to say about it."""
+    count = len(rows.origins)
+    quarters, share = _trace(rows, None, 0, PILOT, bands, visible)
+    state = State(np.full(count, PILOT), share.astype(np.float32), quarters)
+    rounds = [{"vertices": count, "rays": PILOT * count}]
+    while True:
+        variance = expected_variance(state, bands)
+        energy = float(np.sum(state.quarters.mean(1).astype(np.float64) ** 2))
+        if variance.sum() <= error**2 * energy:
+            break
+        growable = state.rays < MOST_RAYS
+        chosen, expected = choose_doublings(state.rays, smooth @ variance, error**2 * energy)
+        chosen &= growable
+        if not chosen.any():
+            break
+        if progress:
+            progress(int(state.rays.sum()), int(expected))
+        rounds.append({"vertices": int(chosen.sum()), "rays": int(state.rays[chosen].sum())})
+        _double(state, chosen, rows, bands, visible)
+    if progress:
+        progress(int(state.rays.sum()), int(state.rays.sum()))
+    modelled = {"all_rays_free": float(np.mean(state.share == 1)), "no_ray_free": float(np.mean(state.share == 0))}
+    estimated = float(np.sqrt(variance.sum() / energy)) if energy > 0 else 0.0
+    return state, {"rounds": rounds, "estimated_error": estimated, "modelled": modelled}
