@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from gash_jax.learn.config import ConfigError, RunConfig, load_config
     from gash_jax.learn.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
+    from gash_jax.prt.error_target import bake_to_error
     from gash_jax.prt.light import Light, load_light, project_light, save_light
+    from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.shading import shade
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer, unshadowed_transfer
 
@@ -30,7 +32,9 @@ _HOMES = {
     "learn.config": ("ConfigError", "RunConfig", "load_config"),
     "learn.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
+    "prt.error_target": ("bake_to_error",),
     "prt.light": ("Light", "load_light", "project_light", "save_light"),
+    "prt.plan": ("plan_bake",),
     "prt.shading": ("shade",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer", "unshadowed_transfer"),
 }
@@ -46,12 +50,14 @@ __all__ = [
     "Model",
     "RunConfig",
     "Transfer",
+    "bake_to_error",
     "bake_transfer",
     "load_config",
     "load_light",
     "load_mesh",
     "load_model",
     "load_transfer",
+    "plan_bake",
     "project_light",
     "read_mesh",
     "save_light",

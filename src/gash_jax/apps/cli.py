@@ -14,10 +14,10 @@ os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 
 import click
 
-from gash_jax.apps import commands
+from gash_jax.apps import baking, commands
 from gash_jax.apps.render import VIEWS
 
-MESH_HELP = "MESH is a .ply, .obj, .stl, .off, .glb or .gltf file; its vertex order is kept."
+PATH = click.Path(path_type=Path)
 
 
 class Command(click.Command):
@@ -49,8 +49,14 @@ up_option = click.option(
     show_default=True,
     help="Axis that points up in the file.",
 )
+
+
+def light_option(text: str):
+    """--light where it may be left out."""
+    return click.option("--light", "light_path", type=PATH, help=text)
+
+
 output_option = click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write.")
-PATH = click.Path(path_type=Path)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -64,11 +70,14 @@ def gash() -> None:
     """
 
 
-@gash.command(cls=Command, epilog="gash bake bunny.ply -o bunny.npz --bands 3 --rays 256")
+@gash.command(cls=Command, epilog="gash bake bunny.ply -o bunny.npz --error 0.02")
 @click.argument("mesh", type=PATH)
 @output_option
 @bands_option()
-@click.option("--rays", type=click.IntRange(1, 1 << 20), default=256, show_default=True, help="Rays per vertex.")
+@click.option("--rays", type=click.IntRange(1, 1 << 20), help="Rays per vertex.  [default: 256]")
+@click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
+@click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
+@light_option("With --auto: the light whose irradiance decides the bands (.hdr, .exr, .npz).")
 @click.option(
     "--replicates",
     type=click.IntRange(1),
@@ -78,10 +87,40 @@ def gash() -> None:
 @up_option
 @quiet_option
 def bake(
-    mesh: Path, output: Path, bands: int, rays: int, replicates: int | None, seed: int, up: str, quiet: bool
+    mesh: Path,
+    output: Path,
+    bands: int,
+    rays: int | None,
+    error: float | None,
+    auto: bool,
+    light_path: Path | None,
+    replicates: int | None,
+    seed: int,
+    up: str,
+    quiet: bool,
 ) -> None:
     """Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient."""
-    commands.bake(mesh, output, bands, rays, replicates, seed, up, quiet)
+    if light_path and not auto:
+        raise click.UsageError("--light decides the bands of a planned bake: add --auto")
+    if error is None and not auto:
+        baking.bake(mesh, output, bands, 256 if rays is None else rays, replicates, seed, up, quiet)
+        return
+    if rays is not None or replicates is not None:
+        raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
+    baking.bake_error(mesh, output, bands, 0.02 if error is None else error, auto, light_path, seed, up, quiet)
+
+
+@gash.command(cls=Command, epilog="gash plan bunny.ply --light studio.hdr --error 0.02")
+@click.argument("mesh", type=PATH)
+@light_option("Light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
+@bands_option()
+@up_option
+@json_option
+def plan(mesh: Path, light_path: Path | None, error: float, bands: int, up: str, as_json: bool) -> None:
+    """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
+    values = baking.plan(mesh, light_path, error, bands, up)
+    click.echo(json.dumps(values) if as_json else baking.plan_text(values))
 
 
 @gash.command(cls=Command, epilog="gash predict bunny.ply -o predicted.npz --model local")

@@ -1,9 +1,8 @@
-"""Commands that need no network: bake, compare, light, render, info.
+"""Commands that need no network: compare, light, render, info.
 
 Inputs are checked before work begins, outputs are written last.
 """
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,42 +14,9 @@ from gash_jax.apps.render import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.geometry.mesh_io import read_mesh
 from gash_jax.geometry.npz_io import FileError, check_writable, read_npz
 from gash_jax.learn import metrics
-from gash_jax.prt.bake import bake_transfer, choose_replicates
 from gash_jax.prt.light import load_light, save_light
 from gash_jax.prt.shading import shade
-from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
-
-
-def bake(
-    mesh_path: Path,
-    output: Path,
-    bands: int,
-    rays: int,
-    replicates: int | None,
-    seed: int,
-    up: str,
-    quiet: bool,
-) -> None:
-    """`gash bake`."""
-    check_writable(output)
-    choose_replicates(rays, replicates)
-    started = time.perf_counter()
-    mesh, health = read_mesh(mesh_path, up)
-    read = time.perf_counter() - started
-    with progress_bar(f"baking {mesh_path.name}", quiet) as update:
-        transfer = bake_transfer(mesh, bands, rays, replicates=replicates, seed=seed, progress=update)
-    transfer.metadata["health"] = health.to_dict()
-    transfer.metadata["seconds"]["read"] = read
-    save_transfer(output, transfer)
-    seconds = transfer.metadata["seconds"]["total"]
-    for line in health.lines():
-        say(f"  {line}", quiet)
-    rate = transfer.metadata["rays_total"] / seconds / 1e6
-    say(f"{len(mesh.vertices)} vertices x {rays} rays in {seconds:.2f} s ({rate:.1f} M rays/s)", quiet)
-    if transfer.standard_error is not None:
-        relative = metrics.relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
-        say(f"estimated relative error {relative:.2%}" if relative is not None else "no transfer", quiet)
-    say(f"wrote {output}", quiet)
+from gash_jax.prt.transfer import Transfer, load_transfer
 
 
 def _require_same_mesh(transfer: Transfer, reference: Transfer) -> None:

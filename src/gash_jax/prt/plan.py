@@ -82,15 +82,14 @@ def plan_bake(
         return Plan(bands, held, error, 0.0, 0.0, 0.0, 0, build, size, 0)
     rows = rows.take(np.sort(rng.permutation(len(active))[:SAMPLE]))
     count = len(rows.origins)
-    alone = sp.csr_matrix(sp.identity(count, np.float32))
-    seconds = []
-    for _ in range(2):
-        started = time.perf_counter()
-        state, _report = run_rounds(rows, error, bands, visible, alone)
-        seconds.append(time.perf_counter() - started)
+    alone = sp.csr_matrix(sp.identity(count))
+    started = time.perf_counter()
+    run_rounds(rows, error, bands, visible, alone)
+    compiled = time.perf_counter()
+    state, _ = run_rounds(rows, error, bands, visible, alone)
+    sample = time.perf_counter() - compiled
+    compilation = max(0.0, compiled - started - sample)
     rays = float(state.rays.mean())
-    share = len(active) / count
-    compilation = max(0.0, seconds[0] - seconds[1])
     return Plan(
         bands=bands,
         irradiance_held=held,
@@ -99,7 +98,7 @@ def plan_bake(
         blocked_rays=float(1 - state.share.mean()),
         rays_per_vertex=rays,
         rays_total=round(rays * len(active)),
-        seconds=build + compilation + seconds[1] * share,
+        seconds=build + compilation + sample * len(active) / count,
         bytes=size,
         sampled_vertices=count,
     )
