@@ -1,13 +1,14 @@
-"""Write the tables of README.md from docs/results/*.json: `.venv/bin/python docs/write_tables.py`.
+"""Write the tables of the documents from docs/results/*.json: `.venv/bin/python docs/write_tables.py`.
 
 Text between <!-- NAME --> and <!-- /NAME --> is replaced; nothing in those tables is typed by hand. The results are
-copies of what `make demo` and `benchmarks/bake_speed.py --output` wrote.
+copies of what `make demo`, `benchmarks/bake_speed.py --output` and `experiments/hard_cases/run.py --output` wrote.
 """
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 
@@ -50,16 +51,58 @@ def speed_table(result: dict[str, Any]) -> str:
     return "\n".join([*lines, "", f"Peak memory of the process {result['peak_mib']:.0f} MiB; {_origin(result)}."])
 
 
+def hard_cases_table(result: dict[str, Any]) -> str:
+    """What was measured in every hard case, against its bound."""
+    lines = ["| case | measured | result | bound | because of | what you are told |", "|---|---|--:|--:|---|---|"]
+    for row in result["rows"]:
+        if isinstance(row["bound"], str):
+            measured, told = ["refusal", "" if row["passed"] else "NOT REFUSED", "", ""], f"`error: {row['bound']}`"
+        else:
+            verdict = "" if row["passed"] else " EXCEEDED"
+            measured = [row["measured"], f"{row['value']:.1e}{verdict}", f"{row['bound']:.1e}", row["why"]]
+            told = row["told"]
+        lines.append(f"| {' | '.join([row['name'], *measured, told])} |")
+    return "\n".join([*lines, "", f"{len(result['rows'])} cases; {_origin(result)}."])
+
+
+class Table(NamedTuple):
+    """A marked table: where it stands, its name, what makes it, and from which results."""
+
+    document: str
+    name: str
+    render: Callable[[dict[str, Any]], str]
+    results: str
+
+
+TABLES = (
+    Table("README.md", "DEMO", demo_table, "demo.json"),
+    Table("README.md", "SPEED", speed_table, "bake_speed.json"),
+    Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
+)
+
+
+def fill(text: str, name: str, table: str) -> str:
+    """The text with the table between its markers; ValueError unless these stand there once."""
+    block = f"<!-- {name} -->\n{table}\n<!-- /{name} -->"
+    text, count = re.subn(f"<!-- {name} -->.*?<!-- /{name} -->", lambda _: block, text, flags=re.DOTALL)
+    if count != 1:
+        raise ValueError(f"the markers of table {name} must stand in the document once, not {count} times")
+    return text
+
+
+def documents(root: Path = ROOT) -> dict[str, str]:
+    """Every document with its tables as the results have them."""
+    texts: dict[str, str] = {}
+    for table in TABLES:
+        result = json.loads((root / "docs" / "results" / table.results).read_text(encoding="utf-8"))
+        text = texts.get(table.document) or (root / table.document).read_text(encoding="utf-8")
+        texts[table.document] = fill(text, table.name, table.render(result))
+    return texts
+
+
 def main() -> None:
-    readme = ROOT / "README.md"
-    text = readme.read_text(encoding="utf-8")
-    for name, table, file in (("DEMO", demo_table, "demo.json"), ("SPEED", speed_table, "bake_speed.json")):
-        result = json.loads((ROOT / "docs" / "results" / file).read_text())
-        block = f"<!-- {name} -->\n{table(result)}\n<!-- /{name} -->"
-        text, count = re.subn(f"<!-- {name} -->.*?<!-- /{name} -->", lambda _, b=block: b, text, flags=re.DOTALL)
-        if count != 1:
-            raise SystemExit(f"error: README.md must hold the markers of table {name} once, found {count}")
-    readme.write_text(text, encoding="utf-8")
+    for name, text in documents().items():
+        (ROOT / name).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

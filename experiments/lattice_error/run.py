@@ -1,11 +1,12 @@
-"""What one lattice is worth: the constants KAPPA and MISSED of `gash_jax.prt.error_target`, measured.
+"""What one lattice is worth: the constants KAPPA, VARIANCE and MISSED of `gash_jax.prt.error_target`, measured.
 
     .venv/bin/python experiments/lattice_error/run.py --output experiments/lattice_error/results.json
 
 On vertices of generated shapes of every kind, two independently shifted lattices are doubled from 8 rays on as a bake
 doubles them. KAPPA(N) is their variance, mean (e1 - e2)² / 2, over a quarter of the variance among quarters of one.
 MISSED is the rms error of the vertices whose rays all agree, over the floor of their standard error, at 16 to 256
-rays, against 16384 rays. One KAPPA serves all coefficients and shapes; the spread over shapes is printed beside it.
+rays, against 16384 rays. VARIANCE is the variance of a lattice, summed over all shapes, against that of 8 rays. One
+KAPPA serves all coefficients and shapes; the spread over shapes is printed beside it.
 """
 
 import argparse
@@ -43,12 +44,14 @@ def measure_shape(mesh: Mesh, seed: int) -> dict[str, list[float]]:
         own = rows._replace(shifts=pair[active])
         quarters, share = trace_points(own, None, 0, PILOT, BANDS, visible)
         states.append((own, State(np.full(len(active), PILOT), share, quarters)))
-    sums: dict[str, list[float]] = {"difference": [], "quarters": [], "missed": [], "floor": []}
+    sums: dict[str, list[float]] = {"variance": [], "difference": [], "quarters": [], "missed": [], "floor": []}
     for _ in range(LEVELS):
         world = [np.asarray(to_world(state.quarters, own.frames)) for own, state in states]
         agree = [(state.share == 0) | (state.share == 1) for _, state in states]
         both = ~(agree[0] & agree[1])
-        difference = (world[0].mean(1) - world[1].mean(1))[both]
+        difference = world[0].mean(1) - world[1].mean(1)
+        sums["variance"].append(float(np.sum(difference**2)))
+        difference = difference[both]
         sums["difference"].append(float(np.sum(difference**2) / 2))
         sums["quarters"].append(float(sum(np.sum(w[both].var(1, ddof=1)) for w in world) / 8))
         state = states[0][1]
@@ -72,8 +75,18 @@ def main() -> None:
         rays = PILOT << level
         missed = float(np.sqrt(part["missed"].sum() / max(part["floor"].sum(), 1e-30)))
         kappa = float(part["difference"].sum() / part["quarters"].sum())
-        rows.append({"rays": rays, "kappa": kappa, "spread": [float(each.min()), float(each.max())], "missed": missed})
-        print(f"{rays:5d} rays  KAPPA {kappa:.3f}  (shapes {each.min():.2f} to {each.max():.2f})  MISSED {missed:.2f}")
+        variance = float(part["variance"].sum() / sum(shape["variance"][0] for shape in sums))
+        rows.append(
+            {
+                "rays": rays,
+                "variance": variance,
+                "kappa": kappa,
+                "spread": [float(each.min()), float(each.max())],
+                "missed": missed,
+            }
+        )
+        spread = f"(shapes {each.min():.2f} to {each.max():.2f})"
+        print(f"{rays:5d} rays  VARIANCE {variance:.2e}  KAPPA {kappa:.3f} {spread}  MISSED {missed:.2f}")
     if output:
         output.write_text(json.dumps(provenance(seed=0, shapes=len(sums), rows=rows), indent=1) + "\n")
 

@@ -179,6 +179,78 @@ def test_leading_shapes_broadcast(left, right):
     np.testing.assert_array_equal(np.asarray(result).reshape(-1, 32), np.reshape(expected, (-1, 32)))
 
 
+def _table(kind):
+    """Dense float64 table of a product: e_i e_j has the coefficient table[i, j, k] of e_k."""
+    i, j = np.indices((32, 32))
+    grades = GRADES[i], GRADES[j], GRADES[i ^ j]
+    kept = {"*": True, "^": grades[2] == grades[0] + grades[1], "|": grades[2] == abs(grades[0] - grades[1])}[kind]
+    table = np.zeros((32, 32, 32))
+    table[i, j, i ^ j] = np.where(kept, cga.cayley_signs(), 0.0)
+    return table
+
+
+def _dense(a, b, kind="*"):
+    """The products of two (n, 32) arrays in float64 and, of each, the sum of the magnitudes of its terms."""
+    a, b, table = a.astype(np.float64), b.astype(np.float64), _table(kind)
+
+    def product(a, b, table):
+        return np.einsum("njk,nj->nk", np.einsum("ni,ijk->njk", a, table, optimize=True), b, optimize=True)
+
+    return product(a, b, table), product(abs(a), abs(b), abs(table))
+
+
+@pytest.mark.parametrize("kind", PRODUCTS)
+@pytest.mark.parametrize("count", [cga._BLOCK - 1, cga._BLOCK, cga._BLOCK + 1, 2 * cga._BLOCK + cga._TILE + 1])
+def test_blocked_products_agree_with_the_dense_table(kind, count):
+    a, b = _random(count, seed=20), _random(count, seed=21)
+    result = PRODUCTS[kind](a, b)
+    exact, magnitude = _dense(a, b, kind)
+    assert result.shape == (count, 32) and result.dtype == jnp.float32
+    # 32 terms: at most one rounding of each term and 31 of the sum
+    assert (np.abs(result - exact) <= 32 * 2.0**-24 * magnitude).all()
+
+
+def test_blocked_products_in_float64():
+    count = cga._BLOCK + 7
+    with jax.enable_x64(True):
+        a, b = _random(count, seed=22).astype(np.float64), _random(count, seed=23).astype(np.float64)
+        result = np.asarray(cga.geometric_product(a, b))
+    exact, magnitude = _dense(a, b)
+    assert result.dtype == np.float64
+    assert (np.abs(result - exact) <= 64 * 2.0**-53 * magnitude).all()
+
+
+@pytest.mark.parametrize("left,right", [((3, 701), (701,)), ((2101, 1), (2,)), ((), (2003,)), ((2003,), (1,))])
+def test_leading_shapes_broadcast_across_blocks(left, right):
+    a, b = _integers(*left, seed=24), _integers(*right, seed=25)
+    shape = (*np.broadcast_shapes(left, right), 32)
+    left_rows, right_rows = (np.broadcast_to(x, shape).reshape(-1, 32) for x in (a, b))
+    result = cga.geometric_product(a, b)
+    assert result.shape == shape
+    np.testing.assert_array_equal(np.asarray(result).reshape(-1, 32), _dense(left_rows, right_rows)[0])
+
+
+def test_transforms_across_blocks():
+    a, b = _integers(2, cga._BLOCK + 3, seed=26), _integers(2, cga._BLOCK + 3, seed=27)
+    expected = _dense(a.reshape(-1, 32), b.reshape(-1, 32))[0].reshape(a.shape)
+    np.testing.assert_array_equal(cga.geometric_product(a, b), expected)
+    np.testing.assert_array_equal(jax.jit(cga.geometric_product)(a, b), expected)
+    np.testing.assert_array_equal(jax.vmap(cga.geometric_product)(a, b), expected)
+    tangent = jax.jvp(lambda x: cga.geometric_product(x, b), (a,), (a,))[1]
+    np.testing.assert_array_equal(tangent, expected)
+
+
+def test_gradients_across_blocks():
+    """The cotangent c of a b gives a the coefficients sum_jk table[i, j, k] b_j c_k, and b likewise."""
+    a, b, c = (_integers(cga._BLOCK + 3, seed=seed) for seed in (28, 29, 30))
+    gradient = jax.jit(lambda a, b, c: jax.vjp(cga.geometric_product, a, b)[1](c))
+    of_a, of_b = gradient(a, b, c)
+    last = slice(cga._BLOCK - 2, None)
+    np.testing.assert_array_equal(of_a[last], np.einsum("ijk,nj,nk->ni", _table("*"), b[last], c[last], optimize=True))
+    np.testing.assert_array_equal(of_b[last], np.einsum("ijk,ni,nk->nj", _table("*"), a[last], c[last], optimize=True))
+    assert np.isfinite(of_a).all() and np.isfinite(of_b).all()
+
+
 def test_transforms():
     a, b = _random(3, seed=16), _random(3, seed=17)
     eager = cga.geometric_product(a, b)

@@ -20,6 +20,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 METRIC = (1, 1, 1, 1, -1)
@@ -35,6 +36,9 @@ BLADE_NAMES = tuple(
     for blade in _BLADES
 )
 BLADE_GRADES = tuple(blade.bit_count() for blade in _BLADES)
+
+# Multivectors per tile and per block. A tile has one row per blade; rows of 2^k bytes would share few cache sets.
+_TILE, _BLOCK = 500, 2000
 
 Multivector = Float[Array | np.ndarray, "... 32"]
 
@@ -66,19 +70,48 @@ def _product_signs(kind: str) -> np.ndarray:
     return np.where(kept[kind], cayley_signs(), 0.0)
 
 
-@functools.partial(jax.jit, static_argnames="kind")
-def _product(a: Multivector, b: Multivector, kind: str) -> Float[Array, "... 32"]:
-    """Sum over the left blades i of a_i times the signed permutation of b that e_i causes."""
-    a, b = jnp.asarray(a), jnp.asarray(b)
-    shape = (*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), 32)
-    a, b = jnp.broadcast_to(a, shape), jnp.broadcast_to(b, shape)
+def _rows_product(a: Float[Array, "32 m"], b: Float[Array, "32 m"], kind: str) -> Float[Array, "32 m"]:
+    """Blades first: the sum over the left blades i of a_i times the signed permutation of b that e_i causes."""
     signs = _product_signs(kind)
-    total = jnp.zeros(shape, b.dtype)
+    total = jnp.zeros(b.shape, b.dtype)
     for left in _BLADES:
         right = np.arange(32) ^ left
-        row = jnp.broadcast_to(jnp.asarray(signs[left, right], b.dtype), shape)
-        total = total + a[..., left : left + 1] * (row * b[..., right])
+        rows = b.at[right].get(mode="promise_in_bounds", unique_indices=True)
+        total = total + a[left, None] * (jnp.asarray(signs[left, right, None], b.dtype) * rows)
     return total
+
+
+def _block_product(a: Float[Array, "n 32"], b: Float[Array, "n 32"], kind: str) -> Float[Array, "n 32"]:
+    """Product of one block, in tiles. The inner loop makes XLA store the transposed tiles instead of fusing the
+    transposition into each of the 32 permutations."""
+    tiles = [x.reshape(-1, _TILE, 32).swapaxes(1, 2) for x in (a, b)]
+    return lax.map(lambda tile: _rows_product(tile[0], tile[1], kind), tiles).swapaxes(1, 2).reshape(a.shape)
+
+
+def _blocked_product(a: Float[Array, "n 32"], b: Float[Array, "n 32"], kind: str) -> Float[Array, "n 32"]:
+    """Product in blocks that stay in a core's cache. Differentiation keeps the factors alone and forms the permutations
+    again: they take 32 times as much memory."""
+    padding = ((0, -len(a) % _BLOCK), (0, 0))
+    blocks = [jnp.pad(x, padding).reshape(-1, _BLOCK, 32) for x in (a, b)]
+    product = jax.checkpoint(lambda block: _block_product(block[0], block[1], kind), prevent_cse=False)
+    return lax.map(product, blocks).reshape(-1, 32)[: len(a)]
+
+
+@functools.partial(jax.jit, static_argnames="kind")
+def _product(a: Multivector, b: Multivector, kind: str) -> Float[Array, "... 32"]:
+    a, b = jnp.asarray(a), jnp.asarray(b)
+    shape = (*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), 32)
+    dtype = jnp.result_type(a, b)
+    a, b = (jnp.broadcast_to(x, shape).reshape(-1, 32).astype(dtype) for x in (a, b))
+
+    def at_once(a: Array, b: Array) -> Array:
+        return _rows_product(a.T, b.T, kind).T
+
+    if len(a) < _BLOCK:
+        return at_once(a, b).reshape(shape)
+    # The blocks follow one another: good for a cache, bad for an accelerator.
+    blocked = functools.partial(_blocked_product, kind=kind)
+    return lax.platform_dependent(a, b, cpu=blocked, default=at_once).reshape(shape)
 
 
 def geometric_product(a: Multivector, b: Multivector) -> Float[Array, "... 32"]:

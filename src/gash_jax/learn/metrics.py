@@ -5,11 +5,14 @@ relrmse = sqrt(sum |t - t*|² / sum |t*|²);  skill = 1 - MSE(method) / MSE(unsh
 nothing learnt beyond the formula. Skill is undefined where the closed form is already right ("no occlusion") or the
 reference has no energy ("no transfer"). *Equivalent rays* is the ray count at which the plain bake of the same mesh
 has the same MSE, interpolated in log-log. *Shadow MSE* looks only at the darkest quartile of vertices by reference
-t_0; *flicker* is the RMS of the second difference in time of the error of a sequence.
+t_0; *flicker* is the RMS of the second difference in time of the error of a sequence. *Calibration* of error bars:
+the rms z-score is the rms error over the rms standard error (1 where they are honest), the coverage is the share of
+errors inside the 95 % intervals of Student's t.
 """
 
 import numpy as np
 from jaxtyping import Float
+from scipy import stats
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.bake import ProgressFn, bake_transfer
@@ -62,6 +65,16 @@ def flicker(estimates: Float[np.ndarray, "t v k"], references: Float[np.ndarray,
     if len(estimates) < 3:
         raise ValueError(f"flicker needs at least 3 frames, got {len(estimates)}")
     return float(np.sqrt(np.mean(np.diff(_difference(estimates, references), n=2, axis=0) ** 2)))
+
+
+def calibration(
+    error: Float[np.ndarray, "*n"], standard_error: Float[np.ndarray, "*n"], freedom: int = 3
+) -> tuple[float, float]:
+    """rms z-score, and coverage of the 95 % t-intervals, of errors against the truth."""
+    if error.shape != standard_error.shape or not np.all(standard_error > 0):
+        raise ValueError("calibration needs one positive standard error for each error")
+    score = float(np.sqrt(np.mean(error.astype(np.float64) ** 2) / np.mean(standard_error.astype(np.float64) ** 2)))
+    return score, float(np.mean(np.abs(error) <= stats.t.ppf(0.975, freedom) * standard_error))
 
 
 def plain_bake_curve(

@@ -6,10 +6,10 @@ Each vertex's random shift is drawn up front from the seed, so the result does n
 
 With `replicates` R > 1 the rays of a vertex are split into R independently shifted point sets of N/R, each estimate
 blended with the closed form by the share p of the N rays that are free (`sampling`); the result is their mean and
-its standard error sd / sqrt(R), to be read with Student's t at R - 1 degrees of freedom. Where all N rays agree
-the replicates cannot differ, yet one ray in 2N could have fallen the other way, which moves a coefficient of band l
-by sqrt((2l+1)/4pi) / 2N in rms over directions: that is the floor there. Elsewhere it is a tenth of it, against
-replicates that agree by chance.
+its standard error sd / sqrt(R), to be read with Student's t at R - 1 degrees of freedom. Replicates can agree by
+chance, all rays or their count, yet one ray in 2N could have fallen the other way, which moves a coefficient of
+band l by sqrt((2l+1)/4pi) / 2N in rms over directions. That is the floor of the standard error where all N rays of a
+vertex agree, and of t_00, which is a count of rays, everywhere; elsewhere it is a fifth of it.
 
 One rotation (R = 1) is the plain bake, mean of V Y without blending: the yardstick that anyone can rebuild.
 """
@@ -59,9 +59,11 @@ def choose_replicates(rays: int, replicates: int | None) -> int:
 
 def standard_error_floor(bands: int, rays: np.ndarray | int, share: Float[np.ndarray, "a"]) -> Float[np.ndarray, "a k"]:
     """Smallest standard error that N rays of which `share` are free can claim (module docstring)."""
-    unit = np.sqrt((2 * band_index(bands) + 1) / (4 * np.pi)) / 2
-    agree = np.where((share == 0) | (share == 1), 1.0, 0.1) / rays
-    return (agree[:, None] * unit[None]).astype(np.float32)
+    band = band_index(bands)
+    one_ray = np.sqrt((2 * band + 1) / (4 * np.pi)) / 2
+    agree = (share == 0) | (share == 1)
+    part = np.where(agree[:, None] | (band == 0)[None], 1.0, 0.2)
+    return (part * one_ray[None] / np.broadcast_to(rays, share.shape)[:, None]).astype(np.float32)
 
 
 class Rows(NamedTuple):

@@ -10,13 +10,15 @@ its parts are by chance), so their spread is scaled by what one lattice is worth
 
     standard_error² = KAPPA(N) * var(q) / 4,
 
-with KAPPA measured on generated shapes (`experiments/lattice_error`). Where all N rays agree: the floor of `bake`.
+with KAPPA measured on generated shapes (`experiments/lattice_error`). Its floor is that of `bake`; where all N rays
+agree, MISSED times that, the rms error found among such vertices there: most of them are exact.
 
-Where the rays go. The variance falls like N^-RATE, as boundaries of shadows cost, so to reach a total at least cost
-the rays per vertex must grow as (variance at one ray)^(1/(1 + RATE)) (Lagrange). That variance is averaged over each
-vertex's neighbours on the surface first: four quarters are few, neighbours see nearly the same shadows, and a vertex
-whose few rays have all missed a shadow learns of it from them. A round doubles the vertices that want at least
-sqrt(2) times the rays they have; the bake ends when the summed standard errors are within the target.
+Where the rays go. The variance falls about like N^-RATE, as boundaries of shadows cost (measured: VARIANCE), so to
+reach a total at least cost the rays per vertex must grow as (variance at one ray)^(1/(1 + RATE)) (Lagrange). That
+variance is half a vertex's own, half its neighbours' on the surface: four quarters are few, neighbours see nearly the
+same shadows, and a vertex whose few rays have all missed a shadow learns of it from them. A round doubles the
+vertices that want at least sqrt(2) times the rays they have, what looks like the last round in halves; the bake ends
+when the summed standard errors are within the target.
 """
 
 import time
@@ -38,10 +40,13 @@ PILOT, MOST_RAYS = 8, 1 << 15
 RATE = 1.5
 LOWEST_ERROR, HIGHEST_ERROR = 1e-3, 1.0
 ROWS_AT_ONCE = 1 << 18
+LAST_SHARE = 0.05
+# variance of lattices of 8, 16, 32 ... rays against that of 8
+VARIANCE = (1, 0.227, 0.0734, 0.0287, 0.00896, 0.00359, 0.00105, 0.000435, 0.00015)
 # rms error of vertices whose rays all agree, over the floor: measured with KAPPA
 MISSED = 0.25
-# variance of a whole lattice of 2^3, 2^4 ... rays over a quarter of the variance among its quarters
-KAPPA = (0.51, 0.46, 0.57, 0.46, 0.29, 0.34, 0.48, 0.62, 0.40)
+# the same over a quarter of the variance among their quarters
+KAPPA = (0.89, 0.43, 0.24, 0.44, 0.43, 0.43, 0.40, 0.40, 0.50)
 
 
 class State(NamedTuple):
@@ -62,6 +67,12 @@ def kappa(rays: Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
     """Scale of the quarters' variance for lattices of `rays` points; the last entry serves all larger ones."""
     level = np.log2(rays / PILOT).round().astype(int)
     return np.array(KAPPA, np.float32)[np.minimum(level, len(KAPPA) - 1)]
+
+
+def lattice_variance(level: Float[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
+    """Variance of a lattice of 8 * 2^level rays against that of 8 rays, on generated shapes; N^-RATE beyond."""
+    measured = np.minimum(level, len(VARIANCE) - 1)
+    return np.array(VARIANCE)[measured.astype(int)] * np.exp2(-RATE * (level - measured))
 
 
 def _block_shifts(shifts: Float[np.ndarray, "a 2"], start: int, count: int, size: int) -> Float[np.ndarray, "a c 2"]:
@@ -103,23 +114,16 @@ def double_rays(state: State, chosen: np.ndarray, rows: Rows, bands: int, visibl
         state.rays[index] *= 2
 
 
-def _standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: int) -> Float[np.ndarray, "a k"]:
+def standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: int) -> Float[np.ndarray, "a k"]:
+    """Standard errors of the mean of the quarters (module docstring)."""
     variance = kappa(state.rays)[:, None] * quarters.var(1, ddof=1) / 4
-    return np.maximum(np.sqrt(variance), standard_error_floor(bands, state.rays, state.share))
-
-
-def expected_variance(state: State, bands: int) -> Float[np.ndarray, "a"]:
-    """Squared error expected of each vertex, summed over its coefficients.
-
-    The floor of vertices whose rays agree is a bound for each; most of them are exact, so fewer are missed on average.
-    """
-    error = _standard_error(state, state.quarters, bands).astype(np.float64)
     agree = (state.share == 0) | (state.share == 1)
-    return np.where(agree, MISSED**2, 1.0) * np.sum(error**2, axis=1)
+    floor = standard_error_floor(bands, state.rays, state.share) * np.where(agree, MISSED, 1.0)[:, None]
+    return np.maximum(np.sqrt(variance), floor).astype(np.float32)
 
 
 def neighbour_mean(mesh: Mesh, active: Int[np.ndarray, "a"]) -> sp.csr_matrix:
-    """Matrix (a, a) that averages a value over each active vertex and its neighbours along edges."""
+    """Matrix (a, a): half a vertex's own value, half the mean over it and its active neighbours along edges."""
     number = np.full(len(mesh.vertices), -1)
     number[active] = np.arange(len(active))
     corners = number[mesh.faces]
@@ -129,29 +133,38 @@ def neighbour_mean(mesh: Mesh, active: Int[np.ndarray, "a"]) -> sp.csr_matrix:
     shape = (len(active), len(active))
     joined = sp.csr_matrix((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=shape)
     joined.data[:] = 1.0  # an edge counts once, however many faces share it
-    return sp.csr_matrix(sp.diags(1.0 / np.asarray(joined.sum(1)).ravel()) @ joined)
+    mean = sp.diags(1.0 / np.asarray(joined.sum(1)).ravel()) @ joined
+    return sp.csr_matrix((sp.identity(len(active)) + mean) / 2)
 
 
 def choose_doublings(
-    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], budget: float
+    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], smooth: sp.csr_matrix, budget: float
 ) -> tuple[np.ndarray, float]:
-    """Which vertices to double, and the rays that the rest of the bake is then expected to need in all.
+    """Which vertices to double, and the rays that the bake is then expected to need in all.
 
-    `variance` is the one expected of each vertex at its present rays. Solves for the multiplier with which the
-    rounded, never falling ray counts meet the budget.
+    `variance` is what each vertex has at its present rays. Solves for the multiplier with which the rounded, never
+    falling ray counts meet the budget.
     """
-    unit = np.maximum(variance * rays.astype(np.float64) ** RATE, 1e-30) ** (1 / (1 + RATE))
+    level = np.log2(rays / PILOT).round()
+    unit = smooth @ (variance / lattice_variance(level))
+    wanted = np.maximum(unit, 1e-30) ** (1 / (1 + RATE))
 
     def doublings(multiplier: float) -> np.ndarray:
-        return np.floor(np.maximum(np.log2(np.exp2(multiplier) * unit / rays), 0.0) + 0.5)
+        return np.floor(np.maximum(np.log2(np.exp2(multiplier) * wanted / rays), 0.0) + 0.5)
 
     low, high = -40.0, 80.0
     for _ in range(60):
         middle = (low + high) / 2
-        total = float(np.sum(variance * np.exp2(-RATE * doublings(middle))))
+        total = float(np.sum(unit * lattice_variance(level + doublings(middle))))
         low, high = (middle, high) if total > budget else (low, middle)
     count = doublings(high)
-    return count > 0, float(np.sum(rays * np.exp2(count)))
+    chosen, urgency = count > 0, wanted / rays
+    if not chosen.any():  # the smoothed variances meet a budget that the vertices' own do not
+        chosen = urgency >= np.quantile(urgency, 1 - LAST_SHARE)
+    elif count.max() == 1 and chosen.mean() > LAST_SHARE:
+        # the last doubling: half of it first, as the variance may fall faster than expected
+        chosen &= urgency >= np.median(urgency[chosen])
+    return chosen, float(np.sum(rays * np.exp2(count)))
 
 
 def bake_to_error(
@@ -187,7 +200,7 @@ def bake_to_error(
         rays_total = int(state.rays.sum())
         quarters = np.asarray(to_world(state.quarters, rows.frames))
         coefficients[active] = quarters.mean(1)
-        errors[active] = _standard_error(state, quarters, bands)
+        errors[active] = standard_error(state, quarters, bands)
     finished = time.perf_counter()
     metadata = make_metadata(
         bands,
@@ -215,13 +228,12 @@ def run_rounds(
     state = State(np.full(count, PILOT), share.astype(np.float32), quarters)
     rounds = [{"vertices": count, "rays": PILOT * count}]
     while True:
-        variance = expected_variance(state, bands)
+        variance = np.sum(standard_error(state, state.quarters, bands).astype(np.float64) ** 2, axis=1)
         energy = float(np.sum(state.quarters.mean(1).astype(np.float64) ** 2))
         if variance.sum() <= error**2 * energy:
             break
-        growable = state.rays < MOST_RAYS
-        chosen, expected = choose_doublings(state.rays, smooth @ variance, error**2 * energy)
-        chosen &= growable
+        chosen, expected = choose_doublings(state.rays, variance, smooth, error**2 * energy)
+        chosen &= state.rays < MOST_RAYS
         if not chosen.any():
             break
         if progress:

@@ -35,7 +35,7 @@ from gash_jax.algebra.sh import clamped_cosine_coefficients
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 
 ONE_MINUS = float(np.nextafter(np.float32(1), np.float32(0)))
-KOROBOV = 524899
+KOROBOV = 951591
 
 
 def korobov(index: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 2"]:

@@ -1,0 +1,249 @@
+"""The hard cases: what each one measures, and the bound that it must keep or the words in which it is refused.
+
+A case with a number as bound passes if what it measures is not above it (nan never passes). A case with a text as
+bound passes if the input is refused by a ValueError of exactly this text. Bounds in units of U = 2^-24, the rounding
+of float32, follow from the number of operations; those that are not say in `why` where they come from.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.hard_cases import directions, meshes
+from gash_jax.algebra.sh import validate_bands
+from gash_jax.geometry.health import prepare_mesh
+from gash_jax.prt.light import project_light
+from gash_jax.prt.shading import shade
+
+U = 2.0**-24
+
+
+class Case(NamedTuple):
+    """One hard case."""
+
+    name: str
+    measured: str
+    bound: float | str
+    run: Callable[[], object]  # -> (measured, what the user is told); what a refused case returns does not matter
+    why: str = "rounding"
+    slow: bool = False  # run by the script alone: a mesh of that size, a compilation of that length
+
+
+class Result(NamedTuple):
+    """What came out: the number, or the text of the refusal."""
+
+    name: str
+    measured: str
+    value: float | str
+    bound: float | str
+    why: str
+    passed: bool
+    told: str
+
+
+def judge(case: Case) -> Result:
+    """Run a case and hold the outcome against its bound; an error other than a refusal is the caller's."""
+    head, why = case[:2], case.why
+    if isinstance(case.bound, str):
+        try:
+            case.run()
+        except ValueError as error:
+            return Result(*head, str(error), case.bound, "refused", str(error) == case.bound, "the error, one line")
+        return Result(*head, "accepted", case.bound, "refused", False, "nothing")
+    value, told = case.run()  # type: ignore[misc]
+    return Result(*head, value, case.bound, why, bool(value <= case.bound), told)
+
+
+def _mesh(vertices: object, faces: object) -> Callable[[], object]:
+    return lambda: prepare_mesh(np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, int).reshape(-1, 3))
+
+
+def _pixel(value: float) -> Callable[[], object]:
+    image = np.ones((8, 16, 3), np.float32)
+    image[3, 5] = value
+    return lambda: project_light(image, 3)
+
+
+TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+FREE = "transfer - closed form"
+SAME = "transfer - that of the clean mesh"
+GRAZE = "rays that graze may fall either way"
+
+CASES = [
+    Case("normals at and near -e_y: rotor", "R e_y ~R - n", 8 * U, directions.rotor_at_pole),
+    Case("normals at and near -e_y: motor", "M ~M - 1", 8 * U, directions.motor_at_pole),
+    Case(
+        "normals at and near -e_y, -e_z: frames of the bake", "F^T F - 1, det F - 1", 8 * U, directions.frame_at_poles
+    ),
+    Case("a mesh with all normals -e_y: graph", "motor against position and n", 8 * U, directions.graph_of_a_ceiling),
+    Case("1e4 motors composed", "M ~M - 1", 3e4 * U, partial(directions.drift, False), "3 U for each product"),
+    Case("1e4 motors composed, renormalised", "M ~M - 1", 8 * U, partial(directions.drift, True)),
+    Case(
+        "1e4 motors composed",
+        "place of a point",
+        3e4 * U,
+        partial(directions.displacement, False),
+        "3 U for each product",
+    ),
+    Case(
+        "1e4 motors composed, renormalised",
+        "place of a point",
+        3e4 * U,
+        partial(directions.displacement, True),
+        "3 U for each product: what drifts is the angle",
+    ),
+    Case("rotation by 180 degrees: rotor", "matrix -> rotor -> matrix", 16 * U, directions.rotor_of_half_turns),
+    *(
+        Case(
+            f"rotation by 180 degrees: {bands} bands",
+            "D(R) Y(w) - Y(R w)",
+            64 * U,
+            partial(directions.rotation_of_half_turns, bands),
+            slow=bands == 10,
+        )
+        for bands in (5, 10)
+    ),
+    Case("10 bands", FREE, 4 * U, meshes.ten_bands, slow=True),
+    Case("10 bands", "first 9 coefficients - bake of 3 bands", 4 * U, meshes.first_of_ten_bands, slow=True),
+    Case("mesh of scale 1e-6", "relrmse against scale 1", 2e-3, partial(meshes.scaled, 1e-6), GRAZE),
+    Case("mesh of scale 1e6", "relrmse against scale 1", 2e-3, partial(meshes.scaled, 1e6), GRAZE),
+    Case(
+        "mesh of radius 1e5, 1e6 from the origin",
+        "relrmse against origin",
+        2e-3,
+        partial(meshes.far_away, 1e5),
+        GRAZE,
+    ),
+    Case(
+        "mesh of radius 1e3, 1e6 from the origin",
+        "relrmse against origin",
+        1e-2,
+        partial(meshes.far_away, 1e3),
+        "coordinates in steps of 6e-5 of the radius",
+    ),
+    Case(
+        "mesh of radius 1, 1e6 from the origin",
+        "relrmse against origin",
+        0.3,
+        partial(meshes.far_away, 1.0),
+        "coordinates in steps of 1/16 of the radius; rays start 1/4 off",
+    ),
+    Case("convex mesh of radius 1, 1e6 from the origin", FREE, 4 * U, meshes.far_away_convex),
+    Case("convex body of slivers, up to 1 : 5e4", FREE, 4 * U, meshes.needles),
+    *(
+        Case(
+            f"flat sheet of slivers, 1 : {aspect:.0e}",
+            "mean light lost",
+            bound,
+            partial(meshes.flat_needles, aspect),
+            "rounding" if bound < 1e-3 else "Embree's rounding along slivers exceeds the ray offset",
+        )
+        for aspect, bound in ((1e3, 4 * U), (1e4, 5e-3), (1e5, 0.1))
+    ),
+    Case("a third of the faces twice", SAME, 4 * U, meshes.duplicated),
+    Case("faces of zero area", SAME, 1 / 64, meshes.zero_area, "one ray of 64"),
+    Case("every face doubled", SAME, 4 * U, partial(meshes.doubled, False)),
+    Case("every face doubled, back to back", SAME, 4 * U, partial(meshes.doubled, True)),
+    Case("two coincident shells", SAME, 4 * U, partial(meshes.coincident_shells, False)),
+    Case("two coincident shells, one inside out", SAME, 4 * U, partial(meshes.coincident_shells, True)),
+    Case(
+        "crevices narrower than the ray offset",
+        "narrowest gap that stays dark, in half diagonals",
+        1.3e-5,
+        meshes.narrowest_crevice,
+        "the offset, 1.2e-5; light leaks into narrower ones",
+    ),
+    Case("rays through edges, Embree", "share that gets through", 0.0, partial(meshes.rays_at, "edges", "embree")),
+    Case(
+        "rays through vertices, Embree",
+        "share that gets through",
+        5e-3,
+        partial(meshes.rays_at, "vertices", "embree"),
+        "robust Embree is tight at edges, not at vertices",
+    ),
+    Case(
+        "rays through edges, brute force",
+        "share that gets through",
+        0.25,
+        partial(meshes.rays_at, "edges", "jax"),
+        "Möller–Trumbore rounds each triangle by itself",
+    ),
+    Case("in a closed room", "transfer", 0.0, meshes.closed_room),
+    Case("below an open sheet seen from behind", "transfer - that of the sheet turned", 4 * U, meshes.lid_from_behind),
+    Case("flat open sheet", FREE, 4 * U, meshes.open_sheet),
+    Case("open bowl, faces outside", FREE, 4 * U, meshes.bowl_from_behind),
+    Case("single triangle", FREE, 4 * U, meshes.single_triangle),
+    Case("100 loose triangles", "transfer - brute force, same rays", 1 / 64, meshes.loose_triangles, "one ray of 64"),
+    Case("isolated vertices, one at 1e30", SAME + ", their own transfer", 4 * U, meshes.isolated_vertices),
+    Case("inconsistent winding", SAME, 4 * U, meshes.inconsistent_winding),
+    Case("three bodies, one inside out", SAME, 4 * U, meshes.opposite_orientations),
+    Case("a million vertices", FREE, 4 * U, meshes.million_vertices, slow=True),
+    Case("1e4 in one pixel", "energy of each band, relative", 8 * U, directions.energy_of_a_bright_pixel),
+    *(
+        Case(
+            f"1e4 in one pixel, {bands} bands, {'shadows' if shadows else 'no shadows'}, window: {window}",
+            "most negative / greatest radiance",
+            bound,
+            partial(directions.ringing, bands, window, shadows),
+            "the light's series is cut",
+            slow=bands == 10,
+        )
+        for bands, window, shadows, bound in (
+            (3, "none", False, 0.04),
+            (3, "Hann", False, 0.07),
+            (3, "Lanczos", False, 0.045),
+            (3, "none", True, 0.12),
+            (3, "Hann", True, 0.07),
+            (3, "Lanczos", True, 0.05),
+            (10, "none", True, 0.15),
+            (10, "Hann", True, 0.05),
+            (10, "Lanczos", True, 0.06),
+        )
+    ),
+    Case(
+        "no faces",
+        "refusal",
+        "the mesh has no faces: point clouds and curves cannot be baked, give a triangle mesh",
+        _mesh(TRIANGLE, []),
+    ),
+    Case(
+        "all vertices in one point",
+        "refusal",
+        "all faces lie in one point: the mesh has no size; check its coordinates and units",
+        _mesh(np.ones((3, 3)), [[0, 1, 2]]),
+    ),
+    Case(
+        "a vertex that is not finite",
+        "refusal",
+        "1 of 3 vertices are not finite (first: 1): repair or remove them in the program that wrote the mesh",
+        _mesh([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
+    ),
+    Case(
+        "coordinates beyond float32",
+        "refusal",
+        "1 of 3 vertices are not finite (first: 2): repair or remove them in the program that wrote the mesh",
+        _mesh([[0, 0, 0], [1, 0, 0], [0, 1e39, 0]], [[0, 1, 2]]),
+    ),
+    Case(
+        "a face of a vertex that does not exist",
+        "refusal",
+        "1 of 1 faces name a vertex that does not exist (first: face 0 [0, 1, 3], the mesh has 3 vertices from 0): "
+        "export the mesh again",
+        _mesh(TRIANGLE, [[0, 1, 3]]),
+    ),
+    Case("11 bands", "refusal", "bands is 11: use a whole number from 1 to 10", lambda: validate_bands(11)),
+    Case(
+        "a pixel that is infinite",
+        "refusal",
+        "the environment map holds values that are not finite: repair these pixels first",
+        _pixel(np.inf),
+    ),
+    Case(
+        "a light of fewer bands than the transfer",
+        "refusal",
+        "the light has 4 coefficients, the transfer 9: project the light again with 3 bands",
+        lambda: shade(np.zeros((1, 9), np.float32), np.zeros((4, 3), np.float32)),
+    ),
+]

@@ -1,0 +1,68 @@
+"""Plans against what then happens."""
+
+import numpy as np
+import pytest
+
+from gash_jax.geometry.primitives import bumpy_sphere, icosphere
+from gash_jax.learn.shapes import make_shape
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.error_target import bake_to_error
+from gash_jax.prt.light import project_light
+from gash_jax.prt.plan import irradiance_bands, plan_bake, transfer_bytes
+from gash_jax.prt.studio import studio_light
+from gash_jax.prt.transfer import save_transfer
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("error", [0.05, 0.02])
+def test_predicted_rays_are_those_spent(index: int, error: float) -> None:
+    """Within a third: the needle's rays depend most on the neighbours that the sample lacks."""
+    mesh = make_shape(11, index, (3000, 4000))[1]
+    plan = plan_bake(mesh, error)
+    spent = bake_to_error(mesh, error).metadata
+    assert plan.sampled_vertices == 2000
+    assert plan.rays_total == pytest.approx(spent["rays_total"], rel=1 / 3)
+    truly = float(np.mean(bake_transfer(mesh, 1, 1024).coefficients[:, 0] < 0.2820))
+    assert 0.6 * truly < plan.occluded_share <= truly + 0.03  # rays can miss a shadow, never invent one
+
+
+def test_predicted_bytes_are_those_written(tmp_path) -> None:
+    mesh = bumpy_sphere(16)
+    save_transfer(tmp_path / "t.npz", bake_to_error(mesh, 0.1, bands=4))
+    size = (tmp_path / "t.npz").stat().st_size
+    assert transfer_bytes(mesh, 4) <= size <= transfer_bytes(mesh, 4) + 8192
+
+
+def test_bands_by_hand() -> None:
+    """A constant light needs one band, a dipole two; band 3 (l = 3) excites no irradiance, so it is not needed."""
+    light = np.zeros((100, 3), np.float32)
+    light[0] = 1.0
+    assert irradiance_bands(light) == (1, 1.0)
+    light[2] = 1.0
+    assert irradiance_bands(light)[0] == 2
+    light[9:16] = 100.0  # l = 3
+    assert irradiance_bands(light)[0] == 2
+    light[20] = 5.0  # l = 4: (pi/24 * 5)² = 0.43 against pi² + (2 pi/3)² = 14.3
+    assert irradiance_bands(light)[0] == 5
+    assert irradiance_bands(np.zeros((9, 3), np.float32)) == (1, 1.0)
+
+
+def test_light_decides_the_bands() -> None:
+    light = np.asarray(project_light(studio_light(), 10))
+    plan = plan_bake(icosphere(2), 0.1, light=light, bands=7)
+    needed, held = irradiance_bands(light)
+    assert (plan.bands, plan.irradiance_held) == (needed, held) and held >= 0.999
+    assert plan_bake(icosphere(2), 0.1, bands=7).bands == 7
+
+
+def test_convex_body_needs_no_more_than_the_pilot_rays() -> None:
+    plan = plan_bake(icosphere(3), 0.05)
+    assert plan.occluded_share == 0.0 and plan.blocked_rays == 0.0
+    assert plan.rays_per_vertex <= 16
+    blind = icosphere(1)
+    assert plan_bake(blind._replace(normals=np.zeros_like(blind.normals))).rays_total == 0
+
+
+def test_error_out_of_range() -> None:
+    with pytest.raises(ValueError, match="error must be"):
+        plan_bake(icosphere(0), 2.0)
