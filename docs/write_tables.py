@@ -1,21 +1,21 @@
 """Write the tables of the documents from docs/results/*.json: `.venv/bin/python docs/write_tables.py`.
 
 Text between <!-- NAME --> and <!-- /NAME --> is replaced; nothing in those tables is typed by hand. The results are
-copies of what `make demo`, `benchmarks/bake_speed.py --output` and `experiments/hard_cases/run.py --output` wrote.
+copies of what `make demo` wrote, and what the scripts of benchmarks/ and experiments/ write with --output.
 """
 
 import json
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).parent))
 
-
-def _origin(result: dict[str, Any]) -> str:
-    machine = result["machine"]
-    return f"{machine['processor']}, {machine['cores']} cores, commit {result['commit']}"
+import baking_tables
+from baking_tables import origin
 
 
 def _cell(value: Any, digits: int) -> str:
@@ -29,7 +29,7 @@ def demo_table(result: dict[str, Any]) -> str:
         numbers = [_cell(row["seconds"], 3), _cell(row["relrmse"], 4), _cell(row["skill"], 3)]
         lines.append(f"| {row['method']} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
     arguments = result["arguments"]
-    lines += ["", f"{arguments['mesh'].capitalize()}, {result['vertices']} vertices, {_origin(result)}, seed 0."]
+    lines += ["", f"{arguments['mesh'].capitalize()}, {result['vertices']} vertices, {origin(result)}, seed 0."]
     return "\n".join(lines)
 
 
@@ -48,7 +48,7 @@ def speed_table(result: dict[str, Any]) -> str:
     ]
     lines = [f"| {result['mesh']}, {result['rays']} rays per vertex | seconds | |", "|---|--:|---|"]
     lines += [f"| {name} | {seconds:.3f} | {remark} |" for name, seconds, remark in rows]
-    return "\n".join([*lines, "", f"Peak memory of the process {result['peak_mib']:.0f} MiB; {_origin(result)}."])
+    return "\n".join([*lines, "", f"Peak memory of the process {result['peak_mib']:.0f} MiB; {origin(result)}."])
 
 
 def hard_cases_table(result: dict[str, Any]) -> str:
@@ -62,7 +62,7 @@ def hard_cases_table(result: dict[str, Any]) -> str:
             measured = [row["measured"], f"{row['value']:.1e}{verdict}", f"{row['bound']:.1e}", row["why"]]
             told = row["told"]
         lines.append(f"| {' | '.join([row['name'], *measured, told])} |")
-    return "\n".join([*lines, "", f"{len(result['rows'])} cases; {_origin(result)}."])
+    return "\n".join([*lines, "", f"{len(result['rows'])} cases; {origin(result)}."])
 
 
 class Table(NamedTuple):
@@ -77,6 +77,11 @@ class Table(NamedTuple):
 TABLES = (
     Table("README.md", "DEMO", demo_table, "demo.json"),
     Table("README.md", "SPEED", speed_table, "bake_speed.json"),
+    Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
+    Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
+    Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),
+    Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
+    Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

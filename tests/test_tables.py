@@ -19,7 +19,7 @@ def writer() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/hard_cases.md"])
+@pytest.mark.parametrize("document", ["README.md", "docs/baking.md", "docs/hard_cases.md"])
 def test_documents_hold_the_generated_tables(writer: ModuleType, document: str) -> None:
     assert writer.documents()[document] == (ROOT / document).read_text(encoding="utf-8")
 

@@ -138,9 +138,23 @@ CASES = [
             "mean light lost",
             bound,
             partial(meshes.flat_needles, aspect),
-            "rounding" if bound < 1e-3 else "Embree's rounding along slivers exceeds the ray offset",
+            "rounding" if bound < 1e-6 else "the further lift of slivers ends at 1e-3",
         )
-        for aspect, bound in ((1e3, 4 * U), (1e4, 5e-3), (1e5, 0.1))
+        for aspect, bound in ((1e3, 4 * U), (1e4, 4 * U), (1e5, 4 * U), (1e6, 2e-5))
+    ),
+    *(
+        Case(
+            f"convex body of random slivers, 1 : {stretch:.0e}",
+            "mean light lost",
+            bound,
+            partial(meshes.stretched_body, stretch),
+            why,
+        )
+        for stretch, bound, why in (
+            (1e3, 4 * U, "rounding"),
+            (1e4, 1e-4, "rounding of the vertices and of Embree beyond the lift of the rays"),
+            (1e5, 1e-4, "rounding of the vertices and of Embree beyond the lift of the rays"),
+        )
     ),
     Case("a third of the faces twice", SAME, 4 * U, meshes.duplicated),
     Case("faces of zero area", SAME, 1 / 64, meshes.zero_area, "one ray of 64"),
@@ -153,7 +167,7 @@ CASES = [
         "narrowest gap that stays dark, in half diagonals",
         1.3e-5,
         meshes.narrowest_crevice,
-        "the offset, 1.2e-5; light leaks into narrower ones",
+        "the offset, 1.2e-5 (more at slivers); light leaks into narrower ones",
     ),
     Case("rays through edges, Embree", "share that gets through", 0.0, partial(meshes.rays_at, "edges", "embree")),
     Case(

@@ -11,6 +11,7 @@ import resource
 import time
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from experiments.hard_cases.directions import SILENT
 from gash_jax.geometry.health import HealthReport, prepare_mesh
@@ -92,6 +93,24 @@ def flat_needles(aspect: float) -> tuple[float, str]:
         u, w = (t + rng.uniform(-0.05, 0.05, t.shape) for t in (u, w))
         q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
         mesh, report = prepare_mesh(np.stack([u, w / aspect, 0 * u], axis=1) @ (q * np.linalg.det(q)).T, faces)
+        lost.append(1 - _bake(mesh, 1, 1024)[:, 0] / np.asarray(unshadowed_transfer(mesh.normals, 1))[:, 0])
+        told = _told(report)
+    return float(np.mean(lost)), told
+
+
+def stretched_body(stretch: float) -> tuple[float, str]:
+    """Mean part of the light that ten random convex bodies, drawn out and turned at random, take from themselves."""
+    lost, told = [], ""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(40, 3))
+        points *= [1 / stretch, 1, 1 / stretch] / np.linalg.norm(points, axis=1, keepdims=True)
+        q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        points = (points @ (q * np.linalg.det(q)).T).astype(np.float32)
+        hull = ConvexHull(points.astype(np.float64))  # of what is stored, so that it is convex
+        a, b, c = np.moveaxis(hull.points[hull.simplices], 1, 0)
+        inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+        mesh, report = prepare_mesh(points, np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices))
         lost.append(1 - _bake(mesh, 1, 1024)[:, 0] / np.asarray(unshadowed_transfer(mesh.normals, 1))[:, 0])
         told = _told(report)
     return float(np.mean(lost)), told

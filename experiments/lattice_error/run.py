@@ -1,4 +1,4 @@
-"""What one lattice is worth: the constants KAPPA, VARIANCE and MISSED of `gash_jax.prt.error_target`, measured.
+"""What one lattice is worth: the constants of `prt.error_target` and `prt.allocation`, measured.
 
     .venv/bin/python experiments/lattice_error/run.py --output experiments/lattice_error/results.json
 
@@ -18,8 +18,9 @@ import numpy as np
 from gash_jax.apps.provenance import provenance
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.learn.shapes import SHAPE_KINDS, make_shape
+from gash_jax.prt.allocation import PILOT
 from gash_jax.prt.bake import active_rows, bake_transfer, standard_error_floor
-from gash_jax.prt.error_target import PILOT, State, double_rays, trace_points
+from gash_jax.prt.error_target import State, double_rays, trace_points
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.sampling import to_world
 from gash_jax.prt.visibility import visibility

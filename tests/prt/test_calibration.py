@@ -5,37 +5,21 @@ rays is nearly fixed by symmetry (an azimuth of exactly 90 degrees, a disk about
 a ray: there the floor is a bound, not an estimate, and only its safe side is checked.
 """
 
-import zlib
-
 import numpy as np
 import pytest
 
 from gash_jax.learn.metrics import calibration
 from gash_jax.prt.bake import bake_transfer, standard_error_floor
 from gash_jax.prt.transfer import unshadowed_transfer
+from tests.helpers.calibration import FREE, LESS_THAN_A_RAY, scene_errors
 from tests.helpers.closed_forms import ClosedFormScene, closed_form_scenes
 
 SCENES = {scene.name: scene for scene in closed_form_scenes()}
-LESS_THAN_A_RAY = ("corner", "corner turned", "disk 1.0 at 1.0", "disk 0.4 at 1.0")
-FREE = ("convex alone", "box alone")
 SAMPLES = 720
 
 
 def _errors(scene: ClosedFormScene, rays: int) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and standard errors of the partly occluded probes, (samples, k) each."""
-    bands, probes = round(scene.exact.shape[1] ** 0.5), np.asarray(scene.probes)
-    normals = np.zeros_like(scene.mesh.normals)
-    normals[probes] = scene.mesh.normals[probes]
-    mesh = scene.mesh._replace(normals=normals)
-    share = scene.of_mesh[:, 0] / np.asarray(unshadowed_transfer(np.array([[0, 0, 1]], np.float32), 1))[0, 0]
-    partly = (share > 1e-3) & (share < 1 - 1e-3)
-    errors, claimed = [], []
-    for seed in range(-(-SAMPLES // len(probes))):
-        baked = bake_transfer(mesh, bands, rays, seed=zlib.crc32(scene.name.encode()) + seed)
-        assert baked.standard_error is not None
-        errors.append((baked.coefficients[probes] - scene.of_mesh)[partly])
-        claimed.append(baked.standard_error[probes][partly])
-    return np.concatenate(errors), np.concatenate(claimed)
+    return scene_errors(scene, lambda mesh, bands, seed: bake_transfer(mesh, bands, rays, seed=seed), SAMPLES)
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in FREE])

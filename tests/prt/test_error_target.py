@@ -5,27 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from gash_jax.geometry.primitives import bumpy_sphere, icosphere, sphere_above_plane, spherical_bowl
 from gash_jax.learn.metrics import calibration, equivalent_rays, mse, plain_bake_curve, relrmse
 from gash_jax.learn.shapes import make_shape
 from gash_jax.prt import error_target
+from gash_jax.prt.allocation import PILOT, VARIANCE
 from gash_jax.prt.bake import Rows, bake_transfer
-from gash_jax.prt.error_target import (
-    KAPPA,
-    MISSED,
-    PILOT,
-    VARIANCE,
-    State,
-    bake_to_error,
-    choose_doublings,
-    double_rays,
-    kappa,
-    lattice_variance,
-    neighbour_mean,
-    trace_points,
-)
+from gash_jax.prt.error_target import KAPPA, MISSED, State, bake_to_error, double_rays, kappa, trace_points
 from gash_jax.prt.transfer import unshadowed_transfer
 
 MESHES = {
@@ -80,47 +67,6 @@ def test_constants_are_those_that_were_measured() -> None:
 def test_kappa_by_hand() -> None:
     found = kappa(np.array([8, 16, 64, 1 << 20]))
     np.testing.assert_allclose(found, [KAPPA[0], KAPPA[1], KAPPA[3], KAPPA[-1]])
-
-
-def test_lattice_variance_by_hand() -> None:
-    """8 rays are the unit; beyond the table the variance falls by 2^-1.5 a doubling."""
-    last = len(VARIANCE) - 1
-    found = lattice_variance(np.array([0.0, 1.0, last, last + 2.0]))
-    np.testing.assert_allclose(found, [1.0, VARIANCE[1], VARIANCE[-1], VARIANCE[-1] / 8], rtol=1e-6)
-
-
-def test_doublings_by_hand() -> None:
-    """Equal vertices double together, the urgent before the rest; one without variance never does."""
-    rays, alone = np.full(4, 16), sp.csr_matrix(sp.identity(4))
-    gain = VARIANCE[2] / VARIANCE[1]
-    chosen, expected = choose_doublings(rays, np.array([1.0, 1.0, 1.0, 0.0]), alone, 3.0 * gain * 1.01)
-    np.testing.assert_array_equal(chosen, [True, True, True, False])
-    assert expected == 3 * 32 + 16
-    chosen, _ = choose_doublings(rays, np.array([100.0, 1.0, 1.0, 1.0]), alone, 60.0)
-    np.testing.assert_array_equal(chosen, [True, False, False, False])
-    chosen, _ = choose_doublings(rays, np.array([4.0, 2.0, 1.0, 0.0]), alone, 7.0 * gain * 1.01)
-    np.testing.assert_array_equal(chosen, [True, True, False, False])  # the more urgent half of three
-
-
-def test_a_round_always_goes_on() -> None:
-    """Where neighbours' means meet the budget and the vertices' own do not, the most urgent go on."""
-    rays = np.full(40, 16)
-    mean = sp.csr_matrix(np.zeros((40, 40)))
-    chosen, _ = choose_doublings(rays, np.ones(40), mean, 1.0)
-    assert chosen.any()
-
-
-def test_neighbour_mean_by_hand() -> None:
-    """Two triangles on one edge: corners 0 and 3 have two neighbours, 1 and 2 have three; edges count once."""
-    mesh = icosphere(0)._replace(
-        vertices=np.zeros((5, 3), np.float32),
-        normals=np.ones((5, 3), np.float32),
-        faces=np.array([[0, 1, 2], [2, 1, 3], [0, 1, 2]], np.int32),
-    )
-    found = neighbour_mean(mesh, np.array([0, 1, 2, 3, 4])) @ np.array([12.0, 0, 0, 0, 7.0])
-    np.testing.assert_allclose(found, [8.0, 1.5, 1.5, 0.0, 7.0], rtol=1e-6)
-    without_one = neighbour_mean(mesh, np.array([0, 2, 3])) @ np.array([12.0, 0.0, 0.0])
-    np.testing.assert_allclose(without_one, [9.0, 2.0, 0.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("bands", [1, 3])
@@ -194,3 +140,12 @@ def test_no_usable_normal_and_progress() -> None:
     baked = bake_to_error(bumpy_sphere(8), 0.02, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (baked.metadata["rays_total"], baked.metadata["rays_total"])
     assert all(done <= total for done, total in seen)
+
+
+def test_a_closed_room_costs_the_pilot_rays() -> None:
+    """No ray is free, so no error is relative to anything: zero after the first round."""
+    room = icosphere(2)
+    dark = bake_to_error(room._replace(normals=-room.normals), 0.02)
+    assert not dark.coefficients.any()
+    assert dark.metadata["rays_total"] == PILOT * len(room.vertices)
+    assert dark.metadata["modelled"]["no_ray_free"] == 1.0

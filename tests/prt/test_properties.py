@@ -24,8 +24,8 @@ seeds = st.integers(0, 2**32 - 1)
 scales = st.floats(-6, 6).map(lambda exponent: 10.0**exponent)
 # in sizes of the mesh: up to where float32 leaves a coordinate a thousand steps across the mesh
 distances = st.one_of(st.just(0.0), st.floats(-1, 4).map(lambda exponent: 10.0**exponent))
-# slivers up to 1 : 100 or so; from 1 : 1000 on Embree's own rounding makes self-hits (docs/hard_cases.md)
-stretches = st.floats(0, 1.5).map(lambda exponent: 10.0**exponent)
+# slivers well beyond 1 : 1000, lifted further; from a stretch of 1 : 3000 on a ray of 1e5 is lost (docs/hard_cases.md)
+stretches = st.floats(0, 3).map(lambda exponent: 10.0**exponent)
 
 
 def _placed(points: np.ndarray, seed: int, scale: float, distance: float) -> np.ndarray:

@@ -1,0 +1,71 @@
+"""Where the rays of a bake to an error go: which vertices get twice as many in the next round.
+
+The variance of a vertex falls about like N^-RATE, as boundaries of shadows cost (measured: VARIANCE), so to
+reach a total at least cost the rays per vertex must grow as (variance at one ray)^(1/(1 + RATE)) (Lagrange). That
+variance is half a vertex's own, half its neighbours' on the surface: four quarters are few, neighbours see nearly the
+same shadows, and a vertex whose few rays have all missed a shadow learns of it from them. A round doubles the
+vertices that want at least sqrt(2) times the rays they have, what looks like the last round in halves.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from gash_jax.geometry.mesh import Mesh
+
+PILOT = 8
+RATE = 1.5
+LAST_SHARE = 0.05
+# variance of lattices of 8, 16, 32 ... rays against that of 8 (`experiments/lattice_error`)
+VARIANCE = (1, 0.227, 0.0734, 0.0287, 0.00896, 0.00359, 0.00105, 0.000435, 0.00015)
+
+
+def lattice_variance(level: Float[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
+    """Variance of a lattice of 8 * 2^level rays against that of 8 rays, on generated shapes; N^-RATE beyond."""
+    measured = np.minimum(level, len(VARIANCE) - 1)
+    return np.array(VARIANCE)[measured.astype(int)] * np.exp2(-RATE * (level - measured))
+
+
+def neighbour_mean(mesh: Mesh, active: Int[np.ndarray, "a"]) -> sp.csr_matrix:
+    """Matrix (a, a): half a vertex's own value, half the mean over it and its active neighbours along edges."""
+    number = np.full(len(mesh.vertices), -1)
+    number[active] = np.arange(len(active))
+    corners = number[mesh.faces]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    edges = edges[(edges >= 0).all(1)]
+    ends = np.concatenate([edges, edges[:, ::-1], np.arange(len(active))[:, None].repeat(2, 1)])
+    shape = (len(active), len(active))
+    joined = sp.csr_matrix((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=shape)
+    joined.data[:] = 1.0  # an edge counts once, however many faces share it
+    mean = sp.diags(1.0 / np.asarray(joined.sum(1)).ravel()) @ joined
+    return sp.csr_matrix((sp.identity(len(active)) + mean) / 2)
+
+
+def choose_doublings(
+    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], smooth: sp.csr_matrix, budget: float
+) -> tuple[np.ndarray, float]:
+    """Which vertices to double, and the rays that the bake is then expected to need in all.
+
+    `variance` is what each vertex has at its present rays. Solves for the multiplier with which the rounded, never
+    falling ray counts meet the budget.
+    """
+    level = np.log2(rays / PILOT).round()
+    unit = smooth @ (variance / lattice_variance(level))
+    wanted = np.maximum(unit, 1e-30) ** (1 / (1 + RATE))
+
+    def doublings(multiplier: float) -> np.ndarray:
+        return np.floor(np.maximum(np.log2(np.exp2(multiplier) * wanted / rays), 0.0) + 0.5)
+
+    low, high = -40.0, 80.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        total = float(np.sum(unit * lattice_variance(level + doublings(middle))))
+        low, high = (middle, high) if total > budget else (low, middle)
+    count = doublings(high)
+    chosen, urgency = count > 0, wanted / rays
+    if not chosen.any():  # the smoothed variances meet a budget that the vertices' own do not
+        chosen = urgency >= np.quantile(urgency, 1 - LAST_SHARE)
+    elif count.max() == 1 and chosen.mean() > LAST_SHARE:
+        # the last doubling: half of it first, as the variance may fall faster than expected
+        chosen &= urgency >= np.median(urgency[chosen])
+    return chosen, float(np.sum(rays * np.exp2(count)))
