@@ -1,9 +1,9 @@
 """Is the target met, and with how many rays: `.venv/bin/python benchmarks/error_target.py FOLDER [--output FILE]`.
 
 Every mesh of a folder is baked to 0.1, 0.05 and 0.02 and held against a reference of 4096 rays (its own noise, from
-its error bars, is taken out of the squared error) on at most 6000 of its vertices, drawn at random. `rays` is the mean per vertex; `plain` what the uniform plain bake
-needs for the same true error, log-log interpolated over 4 to 1024 rays; the plan's prediction stands beside. Meshes
-without transfer are listed and left out.
+its error bars, is taken out of the squared error) on at most 6000 of its vertices, drawn at random. `rays` is the
+mean per vertex; `plain` what the uniform plain bake needs for the same true error, log-log interpolated over 4 to 1024
+rays; the plan's prediction stands beside. Meshes without transfer are listed and left out.
 """
 
 import argparse

@@ -90,6 +90,15 @@ def test_doubling_in_steps_traces_the_same_rays_as_all_at_once(bands: int) -> No
     np.testing.assert_allclose(state.quarters, whole, atol=2e-6)
 
 
+def test_vertices_of_several_levels_are_doubled_once() -> None:
+    rows = Rows(
+        np.zeros((3, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (3, 1, 1)), np.zeros((3, 1, 2), np.float32)
+    )
+    state = State(np.array([8, 16, 8]), np.ones(3, np.float32), np.zeros((3, 4, 1), np.float32))
+    double_rays(state, np.array([True, True, False]), rows, 1, lambda origins, directions: directions[:, 2] > 0)
+    np.testing.assert_array_equal(state.rays, [16, 32, 8])
+
+
 def test_what_sees_everything_is_the_formula_and_is_left_alone() -> None:
     mesh = icosphere(2)
     baked = bake_to_error(mesh, 0.02)

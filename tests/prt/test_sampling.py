@@ -64,7 +64,7 @@ def test_korobov_is_even_at_every_size() -> None:
 def _generator(n: int) -> int:
     """K modulo n, read off the points themselves: the one whose first coordinate is 1/n."""
     points = korobov(np.arange(n))
-    return round(float(points[int(np.argmin(np.abs(points[:, 0] - 1 / n))), 1] * n))
+    return int(np.rint(points[np.argmin(np.abs(points[:, 0] - 1 / n)), 1] * n))
 
 
 @pytest.mark.parametrize("name", LATTICES)

@@ -80,9 +80,13 @@ def bake_error(
         say(plan_text(plan.to_dict()), quiet)
     with progress_bar(f"baking {mesh_path.name}", quiet) as update:
         transfer = bake_to_error(mesh, error, bands if plan is None else plan.bands, seed=seed, progress=update)
-    if plan is not None:
-        transfer.metadata["plan"] = plan.to_dict()
     entries = transfer.metadata
+    entries["modelled"]["bands"] = f"{transfer.bands}, as asked"
+    if plan is not None:
+        entries["plan"] = plan.to_dict()
+        if plan.irradiance_held is not None:
+            held = f"hold {plan.irradiance_held:.2%} of the light's irradiance; higher ones are left out"
+            entries["modelled"]["bands"] = f"{transfer.bands}, which {held}"
     if entries["estimated_error"] > error:
         say(f"error {error:g} was not reached: the rays per vertex are limited", quiet)
     say(f"estimated relative error {entries['estimated_error']:.2%} after {len(entries['rounds'])} rounds", quiet)

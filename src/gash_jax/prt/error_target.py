@@ -14,7 +14,7 @@ with KAPPA measured on generated shapes (`experiments/lattice_error`). Its floor
 agree, MISSED times that, the rms error found among such vertices there: most of them are exact.
 
 A round doubles the rays of the vertices that `allocation` chooses; the bake ends when the summed standard errors are
-within the target.
+within CAUTION times the target.
 """
 
 import time
@@ -34,6 +34,8 @@ from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
 MOST_RAYS = 1 << 15
+# what is aimed at, of the error asked for: meshes of planes and straight edges come out up to a quarter worse
+CAUTION = 0.95
 LOWEST_ERROR, HIGHEST_ERROR = 1e-3, 1.0
 ROWS_AT_ONCE = 1 << 18
 # rms error of vertices whose rays all agree, over the floor: measured with KAPPA
@@ -92,8 +94,9 @@ def trace_points(rows: Rows, share: np.ndarray | None, start: int, end: int, ban
 
 def double_rays(state: State, chosen: np.ndarray, rows: Rows, bands: int, visible: VisibilityFn) -> None:
     """Double the rays of the chosen vertices, in place."""
-    for rays in np.unique(state.rays[chosen]):
-        index = np.flatnonzero(chosen & (state.rays == rays))
+    before = state.rays.copy()
+    for rays in np.unique(before[chosen]):
+        index = np.flatnonzero(chosen & (before == rays))
         new, free = trace_points(rows.take(index), state.share[index], int(rays), 2 * int(rays), bands, visible)
         old = state.quarters[index]
         state.quarters[index] = np.concatenate([(old[:, 0::2] + old[:, 1::2]) / 2, new], axis=1)
@@ -172,9 +175,10 @@ def run_rounds(
     while True:
         variance = np.sum(standard_error(state, state.quarters, bands).astype(np.float64) ** 2, axis=1)
         energy = float(np.sum(state.quarters.mean(1).astype(np.float64) ** 2))
-        if variance.sum() <= error**2 * energy or energy == 0:  # no ray is free: zero is the formula
+        budget = (CAUTION * error) ** 2 * energy
+        if variance.sum() <= budget or energy == 0:  # no ray is free: zero is the formula
             break
-        chosen, expected = choose_doublings(state.rays, variance, smooth, error**2 * energy)
+        chosen, expected = choose_doublings(state.rays, variance, smooth, budget)
         chosen &= state.rays < MOST_RAYS
         if not chosen.any():
             break
