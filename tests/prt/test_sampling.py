@@ -54,7 +54,7 @@ def test_korobov_is_even_at_every_size() -> None:
         while True:  # Gauss reduction
             if u @ u < v @ v:
                 u, v = v, u
-            step = round((u @ v) / (v @ v))
+            step = int(np.rint((u @ v) / (v @ v)))
             if step == 0:
                 break
             u = u - step * v

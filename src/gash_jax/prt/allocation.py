@@ -16,11 +16,12 @@ from gash_jax.geometry.mesh import Mesh
 PILOT = 8
 RATE = 1.5
 LAST_SHARE = 0.05
+CLASSES = 16
 # variance of lattices of 8, 16, 32 ... rays against that of 8 (`experiments/lattice_error`)
 VARIANCE = (1, 0.227, 0.0734, 0.0287, 0.00896, 0.00359, 0.00105, 0.000435, 0.00015)
 
 
-def lattice_variance(level: Float[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
+def lattice_variance(level: Float[np.ndarray, "a"] | Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
     """Variance of a lattice of 8 * 2^level rays against that of 8 rays, on generated shapes; N^-RATE beyond."""
     measured = np.minimum(level, len(VARIANCE) - 1)
     return np.array(VARIANCE)[measured.astype(int)] * np.exp2(-RATE * (level - measured))
@@ -49,20 +50,27 @@ def choose_doublings(
     `variance` is what each vertex has at its present rays. Solves for the multiplier with which the rounded, never
     falling ray counts meet the budget.
     """
-    level = np.log2(rays / PILOT).round()
+    level = np.log2(rays / PILOT).round().astype(int)
     unit = smooth @ (variance / lattice_variance(level))
-    wanted = np.maximum(unit, 1e-30) ** (1 / (1 + RATE))
+    urgency = np.log2(np.maximum(unit, 1e-30)) / (1 + RATE) - np.log2(rays)
+    # vertices of one level and nearly one urgency are one class: the search then costs nothing
+    step = np.rint(urgency * CLASSES).astype(int)
+    urgency = step / CLASSES
+    first = step.min()
+    kind = level * (step.max() - first + 1) + step - first
+    held = np.bincount(kind, unit)
+    classes = np.flatnonzero(np.bincount(kind))
+    class_level, class_step = np.divmod(classes, step.max() - first + 1)
+    class_urgency = (class_step + first) / CLASSES
 
-    def doublings(multiplier: float) -> np.ndarray:
-        return np.floor(np.maximum(np.log2(np.exp2(multiplier) * wanted / rays), 0.0) + 0.5)
-
-    low, high = -40.0, 80.0
-    for _ in range(60):
+    low, high = -class_urgency.max() - 1.0, 60.0 - class_urgency.min()
+    for _ in range(40):
         middle = (low + high) / 2
-        total = float(np.sum(unit * lattice_variance(level + doublings(middle))))
+        count = np.floor(np.maximum(middle + class_urgency, 0.0) + 0.5)
+        total = float(np.sum(held[classes] * lattice_variance(class_level + count)))
         low, high = (middle, high) if total > budget else (low, middle)
-    count = doublings(high)
-    chosen, urgency = count > 0, wanted / rays
+    count = np.floor(np.maximum(high + urgency, 0.0) + 0.5)
+    chosen = count > 0
     if not chosen.any():  # the smoothed variances meet a budget that the vertices' own do not
         chosen = urgency >= np.quantile(urgency, 1 - LAST_SHARE)
     elif count.max() == 1 and chosen.mean() > LAST_SHARE:

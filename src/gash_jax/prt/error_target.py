@@ -106,7 +106,8 @@ def double_rays(state: State, chosen: np.ndarray, rows: Rows, bands: int, visibl
 
 def standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: int) -> Float[np.ndarray, "a k"]:
     """Standard errors of the mean of the quarters (module docstring)."""
-    variance = kappa(state.rays)[:, None] * quarters.var(1, ddof=1) / 4
+    difference = quarters - quarters.mean(1, keepdims=True)
+    variance = kappa(state.rays)[:, None] * np.einsum("aqk,aqk->ak", difference, difference) / 12
     agree = (state.share == 0) | (state.share == 1)
     floor = standard_error_floor(bands, state.rays, state.share) * np.where(agree, MISSED, 1.0)[:, None]
     return np.maximum(np.sqrt(variance), floor).astype(np.float32)
@@ -172,9 +173,13 @@ def run_rounds(
     quarters, share = trace_points(rows, None, 0, PILOT, bands, visible)
     state = State(np.full(count, PILOT), share.astype(np.float32), quarters)
     rounds = [{"vertices": count, "rays": PILOT * count}]
+    variance, energies = np.zeros(count), np.zeros(count)
+    chosen = np.ones(count, bool)
     while True:
-        variance = np.sum(standard_error(state, state.quarters, bands).astype(np.float64) ** 2, axis=1)
-        energy = float(np.sum(state.quarters.mean(1).astype(np.float64) ** 2))
+        new = State(*(array[chosen] for array in state))
+        variance[chosen] = np.sum(standard_error(new, new.quarters, bands).astype(np.float64) ** 2, axis=1)
+        energies[chosen] = np.sum(new.quarters.mean(1).astype(np.float64) ** 2, axis=1)
+        energy = float(energies.sum())
         budget = (CAUTION * error) ** 2 * energy
         if variance.sum() <= budget or energy == 0:  # no ray is free: zero is the formula
             break
