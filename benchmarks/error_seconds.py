@@ -19,6 +19,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import LogLocator, NullFormatter
 from peers import installed_peers
 
 from gash_jax.algebra.directions import orthonormal_frame
@@ -104,6 +105,9 @@ def draw(results: dict[str, list[dict]], path: Path) -> None:
         axis.set_title(name, fontsize=10)
         axis.set_xlabel("seconds")
         axis.grid(True, which="both", lw=0.3, alpha=0.6)
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
     axes[0][0].set_ylabel("relative RMS error")
     axes[0][-1].legend(fontsize=7)
     figure.tight_layout()

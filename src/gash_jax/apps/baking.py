@@ -27,7 +27,7 @@ def _finish_bake(transfer: Transfer, health: HealthReport, read: float, output: 
         say(f"  {line}", quiet)
     count = len(transfer.vertices)
     each, rate = total / max(count, 1), total / seconds / 1e6
-    say(f"{count} vertices x {each:.4g} rays in {seconds:.2f} s ({rate:.1f} M rays/s)", quiet)
+    say(f"{count} vertices x {each:.4g} rays in {seconds:.2f} s ({rate:.2g} M rays/s)", quiet)
     modelled = transfer.metadata["modelled"]
     say(f"closed form: {modelled.get('all_rays_free', 0):.1%} of the vertices saw nothing in the way", quiet)
     say(f"wrote {output}", quiet)
