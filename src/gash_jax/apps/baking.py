@@ -29,7 +29,8 @@ def _finish_bake(transfer: Transfer, health: HealthReport, read: float, output: 
     each, rate = total / max(count, 1), total / seconds / 1e6
     say(f"{count} vertices x {each:.4g} rays in {seconds:.2f} s ({rate:.2g} M rays/s)", quiet)
     modelled = transfer.metadata["modelled"]
-    say(f"closed form: {modelled.get('all_rays_free', 0):.1%} of the vertices saw nothing in the way", quiet)
+    if modelled.get("blended_with_closed_form", True):  # not the plain bake
+        say(f"closed form: {modelled.get('all_rays_free', 0):.1%} of the vertices saw nothing in the way", quiet)
     say(f"wrote {output}", quiet)
 
 
