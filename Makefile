@@ -5,7 +5,7 @@ MESH   ?=
 LIGHT  ?=
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test setup lock clean
+.PHONY: demo test peers setup lock clean
 
 setup: $(STAMP)
 
@@ -28,10 +28,23 @@ test: $(STAMP)
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/python -m pytest
 
+# our attention layers against PyTorch Geometric's, live; torch is heavy, so it has an environment of its own
+PEERS := $(VENV)-peers
+peers: $(PEERS)/.installed
+	$(PEERS)/bin/python -m pytest -n 0 tests/peers
+
+$(PEERS)/.installed: $(STAMP) requirements/peers.txt
+	@test -x $(PEERS)/bin/python || $(PYTHON) -m venv $(PEERS)
+	@echo "installing the locked packages and PyTorch Geometric into $(PEERS) (3 minutes)"
+	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt \
+	  -r requirements/$$($(PEERS)/bin/python -c 'import sys; print("lock-%d.%d.txt" % sys.version_info[:2])')
+	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $@
+
 # rewrite the lock files from the ranges in pyproject.toml (needs uv)
 lock:
 	for v in 3.11 3.12 3.13; do uv pip compile --quiet --no-header --no-annotate --universal \
 	  --python-version $$v --group dev pyproject.toml -o requirements/lock-$$v.txt; done
 
 clean:
-	rm -rf $(VENV) demo out runs
+	rm -rf $(VENV) $(PEERS) demo out runs

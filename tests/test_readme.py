@@ -13,19 +13,32 @@ from gash_jax.prt.hdr_io import write_hdr
 from gash_jax.prt.studio import studio_light
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-TINY = "train.seconds=1 data.shapes=2 data.validation_shapes=1 data.rays=16 data.min_vertices=150 data.max_vertices=300"
+SWEEP = """
+name = "readme"
+config = "mlp"
+set = ["data.shapes=2", "data.validation_shapes=1", "data.rays=16", "data.min_vertices=150",
+       "data.max_vertices=300", "train.steps=2"]
+[axes.width]
+keys = ["model.channels"]
+values = [4, 8]
+"""
+TINY = "train.seconds=1 train.batch_vertices=512 "
+TINY += "data.shapes=2 data.validation_shapes=1 data.rays=16 data.min_vertices=150 data.max_vertices=300"
 
 
 def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     save_mesh("bunny.ply", bumpy_sphere(10))
     write_hdr("studio.hdr", studio_light(32))
+    Path("sweep.toml").write_text(SWEEP)
     commands = re.findall(r"^gash ([a-z]+ .+)$", README, re.MULTILINE)
     assert {c.split()[0] for c in commands} == set(gash.commands) - {"demo"}
     for command in commands:
         arguments = shlex.split(command.split("#")[0])
-        if arguments[0] == "train":
+        if arguments[0] in ("train", "corpus"):
             arguments += [*TINY.split(), "model.channels=8", "model.layers=1"]
+        if arguments[0] in ("evaluate", "bench"):
+            arguments += ["--rays", "64"]
         gash.main(arguments, standalone_mode=False)
     (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     names: dict = {}

@@ -4,18 +4,21 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from PIL import Image
 
-from gash_jax.apps import demo
+from gash_jax.apps import corpus_sheet, demo, evaluating
 from gash_jax.apps.cli import gash
 from gash_jax.geometry.mesh_io import save_mesh
 from gash_jax.geometry.primitives import bumpy_sphere
 from gash_jax.learn.config import DataConfig, TrainConfig, load_config
+from gash_jax.learn.model import load_model, shipped_models
 from gash_jax.nn.registry import ModelConfig
 from gash_jax.prt.transfer import load_transfer
 
+WEIGHTS = str(shipped_models()["local"])
 TINY = """
 name = "tiny"
 [model]
@@ -43,7 +46,9 @@ def test_train_then_predict_then_continue(
     save_mesh("bumpy.ply", bumpy_sphere(10))
     gash.main(["train", "tiny.toml", "-o", "run"], standalone_mode=False)
     said = capsys.readouterr().out
-    assert "validation MSE" in said and "wrote run/model.npz" in said
+    assert "1 validation shapes: skill" in said and "wrote run/model.npz and run/curves.png" in said
+    with Image.open("run/curves.png") as curves:
+        assert curves.size[0] > 400
     gash.main(["predict", "bumpy.ply", "-o", "p.npz", "--model", "run/model.npz"], standalone_mode=False)
     transfer = load_transfer("p.npz")
     assert transfer.metadata["method"] == "predict" and transfer.metadata["rays_total"] == 0
@@ -76,7 +81,7 @@ def test_demo_writes_its_table_and_its_picture(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "demo_configs", _tiny_configs)
     monkeypatch.setattr(demo, "REFERENCE_RAYS", 256)
-    monkeypatch.setattr(demo, "PLAIN_RAYS", (8, 16))
+    monkeypatch.setattr(evaluating, "PLAIN_RAYS", (8, 16))
     save_mesh("bumpy.ply", bumpy_sphere(10))
     gash.main(["demo", "-o", "out", "--mesh", "bumpy.ply"], standalone_mode=False)
     said = capsys.readouterr().out
@@ -93,3 +98,51 @@ def test_demo_configs_share_corpus_and_have_the_budget() -> None:
     configs = demo.demo_configs(80.0)
     assert {c.train.seconds for n, c in configs.items() if n != "mlp"} == {80.0}
     assert len({c.data for c in configs.values()}) == 1
+
+
+def test_bench_and_evaluate_agree_with_compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(evaluating, "PLAIN_RAYS", (8,))
+    save_mesh("bumpy.ply", bumpy_sphere(8))
+    gash.main(["bench", "bumpy.ply", "--rays", "128", "-o", "bench.json", "--json"], standalone_mode=False)
+    said = json.loads(capsys.readouterr().out)
+    rows = {row["method"]: row for row in said["rows"]}
+    assert json.loads(Path("bench.json").read_text()) == said and set(rows) == {
+        "closed form",
+        "plain bake, 8 rays",
+        "local",
+    }
+    gash.main(["evaluate", WEIGHTS, "bumpy.ply", "--rays", "128", "-o", "scores.json"], standalone_mode=False)
+    text = capsys.readouterr().out
+    assert "median skill" in text and "bumpy.ply" in text
+    (score,) = json.loads(Path("scores.json").read_text())["rows"]
+    for name in ("relrmse", "skill", "mse", "equivalent_rays"):
+        assert score[name] == rows["local"][name]
+    gash.main(["bake", "bumpy.ply", "-o", "r.npz", "--rays", "128", "--seed", "99"], standalone_mode=False)
+    gash.main(["predict", "bumpy.ply", "-o", "p.npz"], standalone_mode=False)
+    capsys.readouterr()
+    gash.main(["compare", "p.npz", "r.npz", "--json"], standalone_mode=False)
+    assert json.loads(capsys.readouterr().out)["relrmse"] == pytest.approx(score["relrmse"], rel=1e-6)
+
+
+def test_export_of_a_finished_and_of_an_unfinished_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(TINY)
+    gash.main(["train", "tiny.toml", "-o", "run", "--quiet"], standalone_mode=False)
+    gash.main(["export", "run", "-o", "whole.npz", "--quiet"], standalone_mode=False)
+    Path("run/model.npz").unlink()
+    gash.main(["export", "run", "-o", "cut.npz", "--quiet"], standalone_mode=False)
+    whole, cut = load_model("whole.npz"), load_model("cut.npz")
+    assert whole.config == cut.config and whole.metadata["run"] == cut.metadata["run"]
+    jax.tree.map(np.testing.assert_array_equal, whole.params, cut.params)
+    with pytest.raises(ValueError, match="not a run with a checkpoint"):
+        gash.main(["export", "elsewhere", "-o", "none.npz"], standalone_mode=False)
+
+
+def test_corpus_sheet_shows_every_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(TINY)
+    gash.main(["corpus", "tiny.toml", "-o", "sheet.png"], standalone_mode=False)
+    assert "2 shapes to train on, 1 to validate" in capsys.readouterr().out
+    with Image.open("sheet.png") as sheet:
+        assert sheet.size[0] > 3 * corpus_sheet.SIZE

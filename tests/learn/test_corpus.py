@@ -18,7 +18,7 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_items_are_made_once_and_read_back() -> None:
     training, validation = split_indices(SMALL)
-    assert training.tolist() == [0, 1] and validation.tolist() == [2]
+    assert validation.tolist() == [0] and training.tolist() == [1, 2]
     seen: list[tuple[int, int]] = []
     indices = np.concatenate([training, validation])
     items = build_corpus(SMALL, 3, indices, lambda done, total: seen.append((done, total)))

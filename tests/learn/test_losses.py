@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gash_jax.learn.losses import balanced_bce, masked_mean, squared_error, visibility_accuracy
+from gash_jax.learn.losses import balanced_bce, masked_mean, squared_error
 
 MASK = jnp.array([True, True, False])
 
@@ -42,8 +42,3 @@ def test_extreme_logits_and_empty_masks_stay_finite() -> None:
     assert float(value) == pytest.approx(1e4)
     assert np.isfinite(np.asarray(gradient)).all()
     assert float(loss(logits, jnp.zeros(1, bool))) == 0.0
-
-
-def test_accuracy_by_hand() -> None:
-    logits, labels = jnp.array([[3.0], [-1.0], [5.0]]), jnp.array([[1.0], [1.0], [0.0]])
-    assert float(visibility_accuracy(logits=logits, labels=labels, mask=MASK)) == 0.5

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import jax
 import pytest
 
-from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.learn.model_graph import model_graph
 from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
 from tests.helpers.bumpy import bumpy_mesh
 
@@ -14,7 +14,7 @@ from tests.helpers.bumpy import bumpy_mesh
 @pytest.mark.parametrize("bands", [1, 4])
 def test_every_model_answers_the_contract(name: str, bands: int) -> None:
     config = ModelConfig(name, bands)
-    graph = build_graph(bumpy_mesh(20), config.graph, config.neighbours)
+    graph = model_graph(config, bumpy_mesh(20))
     module = build_model(config)
     variables = jax.eval_shape(module.init, jax.random.key(0), graph)
     out = jax.eval_shape(lambda v: module.apply(v, graph, deterministic=True), variables)
@@ -39,7 +39,7 @@ def test_round_trip(name: str) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"name": "unet"}, "known are local, two-stage, mlp"),
+        ({"name": "unet"}, "known are local, two-stage, gnn, teacher, mlp"),
         ({"bands": 0}, "bands = 0"),
         ({"bands": 11}, "bands = 11"),
         ({"layers": -1}, "layers = -1"),

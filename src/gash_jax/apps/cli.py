@@ -14,49 +14,18 @@ os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 
 import click
 
-from gash_jax.apps import baking, commands
-from gash_jax.apps.render import VIEWS
-
-PATH = click.Path(path_type=Path)
-
-
-class Command(click.Command):
-    """A command whose help ends with an example, printed as it is to be typed."""
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the example without re-wrapping it."""
-        if self.epilog:
-            formatter.write(f"\nExample:\n  {self.epilog}\n")
-
-
-def bands_option(default: int = 3):
-    """--bands, the same everywhere."""
-    return click.option(
-        "--bands",
-        type=click.IntRange(1, 10),
-        default=default,
-        show_default=True,
-        help="SH bands B; B*B coefficients.",
-    )
-
-
-quiet_option = click.option("--quiet", is_flag=True, help="No progress bar, no summary.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for programs.")
-up_option = click.option(
-    "--up",
-    type=click.Choice(["x", "y", "z"]),
-    default="y",
-    show_default=True,
-    help="Axis that points up in the file.",
+from gash_jax.apps import baking, cli_learning, commands
+from gash_jax.apps.options import (
+    PATH,
+    Command,
+    bands_option,
+    json_option,
+    light_option,
+    output_option,
+    quiet_option,
+    up_option,
 )
-
-
-def light_option(text: str):
-    """--light where it may be left out."""
-    return click.option("--light", "light_path", type=PATH, help=text)
-
-
-output_option = click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write.")
+from gash_jax.apps.render import VIEWS
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -123,19 +92,6 @@ def plan(mesh: Path, light_path: Path | None, error: float, bands: int, up: str,
     click.echo(json.dumps(values) if as_json else baking.plan_text(values))
 
 
-@gash.command(cls=Command, epilog="gash predict bunny.ply -o predicted.npz --model local")
-@click.argument("mesh", type=PATH)
-@output_option
-@click.option("--model", default="local", show_default=True, help="Name of shipped weights, or a weights file (.npz).")
-@up_option
-@quiet_option
-def predict(mesh: Path, output: Path, model: str, up: str, quiet: bool) -> None:
-    """Predict the transfer of MESH with a network: no rays."""
-    from gash_jax.apps import learning
-
-    learning.predict(mesh, output, model, up, quiet)
-
-
 @gash.command(cls=Command, epilog="gash compare predicted.npz reference.npz --json")
 @click.argument("transfer", type=PATH)
 @click.argument("reference", type=PATH)
@@ -177,18 +133,6 @@ def render(transfer: Path, light_path: Path, output: Path, views: tuple[str, ...
     commands.render(transfer, light_path, output, views, size, quiet)
 
 
-@gash.command(cls=Command, epilog="gash train experiments/demo/local.toml train.seconds=60 -o runs/local")
-@click.argument("config", type=PATH)
-@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run folder.  [default: runs/NAME]")
-@quiet_option
-def train(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
-    """Train the network that CONFIG (.toml) describes; run it again to continue after an interruption."""
-    from gash_jax.apps import learning
-
-    learning.train(config, overrides, output, quiet)
-
-
 @gash.command(cls=Command, epilog="gash info bunny.npz")
 @click.argument("file", type=PATH)
 @json_option
@@ -198,30 +142,9 @@ def info(file: Path, as_json: bool) -> None:
     click.echo(json.dumps(values) if as_json else commands.info_text(values))
 
 
-@gash.command(cls=Command, epilog="gash demo -o demo --mesh bunny.ply --light studio.hdr")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    default=Path("demo"),
-    show_default=True,
-    help="Folder to write.",
-)
-@click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
-@click.option("--light", "light_path", type=PATH, help="Environment map (.hdr, .exr).  [default: a generated studio]")
-@click.option(
-    "--seconds",
-    type=click.FloatRange(1.0, 3600.0),
-    default=80.0,
-    show_default=True,
-    help="Training time for each of the two graph networks.",
-)
-@quiet_option
-def demo(output: Path, mesh: Path | None, light_path: Path | None, seconds: float, quiet: bool) -> None:
-    """From nothing to a relit prediction: corpus, training, bake, prediction, table and picture."""
-    from gash_jax.apps.demo import run_demo
-
-    run_demo(output, mesh, light_path, seconds, quiet)
+for command in vars(cli_learning).values():
+    if isinstance(command, click.Command):
+        gash.add_command(command)
 
 
 def main() -> None:

@@ -1,19 +1,20 @@
-"""Commands that load the neural-network libraries: predict, train."""
+"""Commands that load the neural-network libraries: predict, train, export."""
 
-import json
 from pathlib import Path
 
-import numpy as np
+import jax
 
+from gash_jax.apps.plots import plot_curves
 from gash_jax.apps.progress import progress_bar, say
 from gash_jax.geometry.mesh_io import read_mesh
 from gash_jax.geometry.npz_io import check_writable
-from gash_jax.learn.batches import make_examples
 from gash_jax.learn.config import load_config
-from gash_jax.learn.corpus import build_corpus, split_indices
-from gash_jax.learn.model import load_model
-from gash_jax.learn.train import train_model
+from gash_jax.learn.metrics_log import read_lines
+from gash_jax.learn.model import load_model, save_model
+from gash_jax.learn.run import best_so_far, run_config
 from gash_jax.prt.transfer import save_transfer
+
+CURVES = "curves.png"
 
 
 def predict(mesh_path: Path, output: Path, model_name: str, up: str, quiet: bool) -> None:
@@ -38,16 +39,27 @@ def train(config_path: Path, overrides: tuple[str, ...], output: Path | None, qu
     """`gash train`."""
     config = load_config(config_path, overrides)
     folder = output or Path("runs") / config.name
-    training, validation = split_indices(config.data)
-    with progress_bar("corpus", quiet) as update:
-        items = build_corpus(config.data, config.model.bands, np.concatenate([training, validation]), update)
-    examples = make_examples(items, config.model)
-    with progress_bar(f"training {config.name}", quiet) as update:
+    with progress_bar("corpus", quiet) as corpus, progress_bar(f"training {config.name}", quiet) as update:
 
         def report(phase: str, fraction: float, measures: dict[str, float]) -> None:
             update(round(1000 * fraction), 1000)
 
-        path = train_model(config, examples[: len(training)], examples[len(training) :], folder, report)
-    error = json.loads((path.parent / "metrics.jsonl").read_text().splitlines()[-1])["validation"]
-    say(f"validation MSE {error:.3e} on {len(validation)} shapes that were not trained on", quiet)
-    say(f"wrote {path}", quiet)
+        path, validation = run_config(config, folder, corpus, report)
+    plot_curves(folder, folder / CURVES)
+    last = read_lines(folder)[-1]
+    say(f"{len(validation)} validation shapes: skill {last['skill']:.3f}, relrmse {last['relrmse']:.4f}", quiet)
+    say(f"wrote {path} and {folder / CURVES}", quiet)
+
+
+def export(run: Path, output: Path, quiet: bool) -> None:
+    """`gash export`: the best parameters of a run, finished or not, as a model file."""
+    check_writable(output)
+    if (run / "model.npz").is_file():
+        model = load_model(run / "model.npz")
+        save_model(output, model.config, model.params, **model.metadata)
+    else:
+        config, params, error = best_so_far(run)
+        save_model(output, config.model, params, name=config.name, run=config.to_dict(), validation=error)
+    arrays = load_model(output).params
+    count = sum(leaf.size for leaf in jax.tree.leaves(arrays))
+    say(f"wrote {output}: {count} parameters, format in docs/model_file.md", quiet)

@@ -22,13 +22,17 @@ from gash_jax.nn.registry import ModelConfig
 T = TypeVar("T")
 
 
+CLOCKS = ("wall", "cpu")
+PRECISIONS = ("float32", "float16", "auto")
+
+
 class ConfigError(ValueError):
     """A config cannot be understood; the message names the key and what would be valid."""
 
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Procedural corpus: shapes 0 .. shapes-1 train, the following `validation_shapes` validate."""
+    """Procedural corpus: the first `validation_shapes` shapes validate, the following `shapes` train."""
 
     shapes: int = 96
     validation_shapes: int = 8
@@ -50,13 +54,27 @@ class OptimConfig:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Budget and cadence. The run ends after `steps`, or after `seconds` where steps is 0."""
+    """Budget and cadence. The run ends after `steps`, or after `seconds` where steps is 0.
+
+    `clock`: seconds on the "wall", or "cpu": CPU seconds of the process for each core it may use, which is fair where
+    other work runs beside it. `precision`: "float32"; "float16": networks compute in half precision under a dynamic
+    loss scale, parameters stay float32; "auto": float16 on a GPU, float32 elsewhere. `teacher`: a model (a shipped name
+    or a file) whose predictions are learnt instead of the baked labels.
+    """
 
     steps: int = 0
     seconds: float = 80.0
+    clock: str = "wall"
     batch_vertices: int = 4096
     checkpoint_every: int = 200
     seed: int = 0
+    precision: str = "float32"
+    teacher: str = ""
+
+    def __post_init__(self) -> None:
+        for key, known in (("clock", CLOCKS), ("precision", PRECISIONS)):
+            if getattr(self, key) not in known:
+                raise ValueError(f"{key} = {getattr(self, key)!r}: known are {', '.join(known)}")
 
 
 @dataclass(frozen=True)

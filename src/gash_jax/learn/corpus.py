@@ -55,7 +55,8 @@ def cache_folder() -> Path:
 
 
 @cache
-def _source_hash() -> str:
+def label_source_hash() -> str:
+    """Hash of the source that makes shapes and bakes them."""
     package = Path(__file__).parents[1]
     files = [f for room in LABEL_ROOMS for f in sorted((package / room).glob("*.py"))]
     files += [package / "learn" / name for name in LABEL_FILES]
@@ -64,7 +65,7 @@ def _source_hash() -> str:
 
 def item_path(data: DataConfig, bands: int, index: int) -> Path:
     """Where the item lives in the cache."""
-    parts = (data.seed, data.rays, data.min_vertices, data.max_vertices, bands, index, _source_hash())
+    parts = (data.seed, data.rays, data.min_vertices, data.max_vertices, bands, index, label_source_hash())
     name = hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
     return cache_folder() / "corpus" / f"{name}.npz"
 
@@ -132,5 +133,6 @@ def build_corpus(
 
 
 def split_indices(data: DataConfig) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]]:
-    """Shape indices for training and for validation."""
-    return np.arange(data.shapes), np.arange(data.shapes, data.shapes + data.validation_shapes)
+    """Shape indices for training and for validation; a smaller corpus validates on the same shapes as a larger one."""
+    validation = np.arange(data.validation_shapes)
+    return np.arange(data.shapes) + data.validation_shapes, validation

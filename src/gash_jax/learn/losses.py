@@ -34,10 +34,3 @@ def balanced_bce(
         total = total + jnp.sum(loss * weights * belongs) / jnp.maximum(count, 1.0)
         present = present + (count > 0)
     return total / jnp.maximum(present, 1.0)
-
-
-def visibility_accuracy(
-    *, logits: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Bool[Array, "v"]
-) -> Float[Array, ""]:
-    """Share of directions whose visibility is called right at logit 0."""
-    return masked_mean(((logits > 0) == (labels > 0.5)).astype(jnp.float32), mask)

@@ -5,13 +5,15 @@ relrmse = sqrt(sum |t - t*|² / sum |t*|²);  skill = 1 - MSE(method) / MSE(unsh
 nothing learnt beyond the formula. Skill is undefined where the closed form is already right ("no occlusion") or the
 reference has no energy ("no transfer"). *Equivalent rays* is the ray count at which the plain bake of the same mesh
 has the same MSE, interpolated in log-log. *Shadow MSE* looks only at the darkest quartile of vertices by reference
-t_0; *flicker* is the RMS of the second difference in time of the error of a sequence. *Calibration* of error bars:
-the rms z-score is the rms error over the rms standard error (1 where they are honest), the coverage is the share of
-errors inside the 95 % intervals of Student's t.
+t_0. *Visibility scores*: the share of directions called right, that share averaged over the two classes (balanced; a
+constant answer has 1/2), and what always answering with the more frequent class would score. *Flicker* is the RMS of
+the second difference in time of the error of a sequence. *Calibration* of error bars: the rms z-score is the rms error
+over the rms standard error (1 where they are honest), the coverage is the share of errors inside the 95 % intervals of
+Student's t.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import stats
 
 from gash_jax.geometry.mesh import Mesh
@@ -58,6 +60,14 @@ def shadow_mse(estimate: np.ndarray, reference: np.ndarray) -> float:
     """MSE on the darkest quartile of vertices by the reference's t_0."""
     darkest = reference[:, 0] <= np.quantile(reference[:, 0], 0.25)
     return mse(estimate[darkest], reference[darkest])
+
+
+def visibility_scores(called: Bool[np.ndarray, "v n"], truth: Bool[np.ndarray, "v n"]) -> dict[str, float]:
+    """Accuracy, balanced accuracy and the majority's accuracy; a class that does not occur is left out of the mean."""
+    hits = [float(np.mean(called[truth == c] == c)) for c in (True, False) if np.any(truth == c)]
+    majority = max(float(np.mean(truth)), 1 - float(np.mean(truth)))
+    accuracy = float(np.mean(called == truth))
+    return {"accuracy": accuracy, "balanced_accuracy": float(np.mean(hits)), "majority_accuracy": majority}
 
 
 def flicker(estimates: Float[np.ndarray, "t v k"], references: Float[np.ndarray, "t v k"]) -> float:

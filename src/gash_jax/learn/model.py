@@ -5,6 +5,7 @@ plus JSON metadata with the full config, so that a runtime without JAX can rebui
 """
 
 import time
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
-from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.learn.config import ConfigError, from_dict
+from gash_jax.learn.model_graph import model_graph
 from gash_jax.nn.registry import ModelConfig, build_model
 from gash_jax.prt.transfer import Transfer, make_metadata
 
@@ -29,15 +30,26 @@ class Model:
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
         self.config, self.params, self.metadata = config, params, metadata or {}
-        self._apply = jax.jit(build_model(config).apply)
+        module = build_model(config)
+        self._apply = jax.jit(module.apply)
+        self._logits = jax.jit(partial(module.apply, method="visibility_logits"))
 
     def graph(self, mesh: Mesh, seed: int = 0) -> jraph.GraphsTuple:
         """The graph this model wants; `seed` draws the neighbours of a `rings` graph."""
-        return build_graph(mesh, self.config.graph, self.config.neighbours, seed)
+        return model_graph(self.config, mesh, seed)
 
     def __call__(self, graph: jraph.GraphsTuple) -> jax.Array:
         """Coefficients of every node, "v k"."""
         return self._apply({"params": self.params}, graph)
+
+    def visibility_logits(self, graph: jraph.GraphsTuple) -> jax.Array:
+        """What the first net of a two-stage network says of the hemisphere's directions, "v n".
+
+        Raises ValueError for a model without one.
+        """
+        if self.config.name != "two-stage":
+            raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
+        return self._logits({"params": self.params}, graph)
 
     def predict(self, mesh: Mesh, seed: int = 0) -> Transfer:
         """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
@@ -49,7 +61,9 @@ class Model:
         usable = np.any(mesh.normals != 0, axis=1)[:, None]
         seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
         parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", ""), "seed": seed}
-        metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=0, seconds=seconds)
+        # the teacher is told the visibility: one ray a direction
+        rays = len(mesh.vertices) * self.config.visibility_directions if self.config.name == "teacher" else 0
+        metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
         return Transfer(np.where(usable, coefficients, np.float32(0)), None, *_mesh_arrays(mesh), metadata)
 
 
@@ -60,7 +74,7 @@ def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:
     """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config."""
     arrays = {name: np.asarray(leaf, np.float32) for name, leaf in flatten_dict(params, sep="/").items()}
-    header = {"format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict(), **metadata}
+    header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
     write_npz(path, arrays, header)
 
 

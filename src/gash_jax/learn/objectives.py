@@ -1,64 +1,110 @@
 """What each model minimises, as a list of phases that are trained one after the other.
 
 The two-stage network (GNN paper, 4.2) first learns visibility by class-balanced BCE, then, with that net fixed,
-coefficients by MSE. Every other model has one phase.
+coefficients by MSE. Every other model has one phase. A phase is validated on all validation vertices at once: its loss,
+and measures that people read.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 from flax import linen as nn
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from gash_jax.learn import metrics
 from gash_jax.learn.batches import Batch
-from gash_jax.learn.losses import balanced_bce, squared_error, visibility_accuracy
+from gash_jax.learn.losses import balanced_bce, squared_error
+from gash_jax.learn.precision import in_half
 from gash_jax.nn.registry import ModelConfig, build_model
 
-# (params, batch, dropout key or None) -> (loss, further measures)
-LossFn = Callable[[Any, Batch, jax.Array | None], tuple[Float[Array, ""], dict[str, Float[Array, ""]]]]
+# (params, batch, dropout key or None) -> output of every vertex
+OutputFn = Callable[[Any, Batch, jax.Array | None], Float[Array, "v m"]]
+# (output, labels, mask) -> loss
+LossFn = Callable[..., Float[Array, ""]]
+# (output, labels, normals) on the host -> measures by name
+MeasureFn = Callable[[np.ndarray, np.ndarray, np.ndarray], dict[str, float]]
 
 
 class Phase(NamedTuple):
-    """`trainable` names the top-level parameters that change (None: all); `share` is the part of the budget."""
+    """`trainable` names the top-level parameters that change (None: all); `share` is the part of the budget.
+
+    `labels` is the field of the batch that `loss` is held against.
+    """
 
     name: str
     share: float
     trainable: tuple[str, ...] | None
+    labels: str
+    output: OutputFn
     loss: LossFn
+    measure: MeasureFn
+
+    def objective(self, params: Any, batch: Batch, key: jax.Array | None) -> Float[Array, ""]:
+        """The loss of a batch."""
+        return self.loss(self.output(params, batch, key), flat(getattr(batch, self.labels)), flat(batch.mask))
 
 
-def _rngs(key: jax.Array | None) -> dict[str, jax.Array]:
-    return {} if key is None else {"dropout": key}
+def flat(array: Array | np.ndarray) -> Array:
+    """The vertices of all shards in one axis."""
+    return jnp.asarray(array).reshape(-1, *array.shape[2:])
 
 
-def _coefficient_loss(module: nn.Module) -> LossFn:
-    def loss(params: Any, batch: Batch, key: jax.Array | None) -> tuple[Array, dict[str, Array]]:
-        options: dict[str, Any] = {} if key is None else {"deterministic": False}
-        prediction = module.apply({"params": params}, batch.graph, rngs=_rngs(key), **options)
-        value = squared_error(prediction=prediction, target=batch.coefficients, mask=batch.mask)  # type: ignore[arg-type]
-        return value, {"mse": value}
+def _output(module: nn.Module, method: str, half: bool) -> OutputFn:
+    """Apply the module to every shard: side by side where there are several, so that each device keeps its own."""
 
-    return loss
+    def output(params: Any, batch: Batch, key: jax.Array | None) -> Array:
+        shards = len(batch.mask)
+        keys = None if key is None else jax.random.split(key, shards) if shards > 1 else key[None]
+
+        def one(graph: Any, key: jax.Array | None) -> Array:
+            # in one block while training: only inference is cut into blocks
+            rngs = {} if key is None else {"dropout": key}
+            weights, graph = in_half(params, graph) if half else (params, graph)
+            out = module.apply({"params": weights}, graph, deterministic=key is None, rngs=rngs, method=method)
+            return jnp.asarray(out, jnp.float32)
+
+        if shards > 1:
+            return flat(jax.vmap(one)(batch.graph, keys))
+        return one(jax.tree.map(lambda leaf: leaf[0], batch.graph), None if keys is None else keys[0])
+
+    return output
 
 
-def _visibility_loss(module: nn.Module) -> LossFn:
-    def loss(params: Any, batch: Batch, key: jax.Array | None) -> tuple[Array, dict[str, Array]]:
-        # in one block while training: only inference is cut into blocks
-        options: dict[str, Any] = {"deterministic": key is None}
-        logits = module.apply({"params": params}, batch.graph, method="visibility_logits", **options)
-        terms = {"logits": logits, "labels": batch.visibility, "mask": batch.mask}
-        return balanced_bce(**terms), {"accuracy": visibility_accuracy(**terms)}  # type: ignore[arg-type]
+def _coefficient_measures(output: np.ndarray, labels: np.ndarray, normals: np.ndarray) -> dict[str, float]:
+    skill = metrics.skill(output, labels, normals)
+    return {
+        "mse": metrics.mse(output, labels),
+        "relrmse": metrics.relrmse(output, labels) or 0.0,
+        "shadow_mse": metrics.shadow_mse(output, labels),
+        "skill": skill if isinstance(skill, float) else float("nan"),
+    }
 
-    return loss
+
+def _visibility_measures(output: np.ndarray, labels: np.ndarray, normals: np.ndarray) -> dict[str, float]:
+    return metrics.visibility_scores(output > 0, labels > 0.5)
 
 
-def phases(config: ModelConfig) -> list[Phase]:
-    """The phases of a model, in order; shares add up to 1."""
+def _squared(output: Float[Array, "v k"], labels: Float[Array, "v k"], mask: Bool[Array, "v"]) -> Float[Array, ""]:
+    return squared_error(prediction=output, target=labels, mask=mask)
+
+
+def _balanced(output: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Bool[Array, "v"]) -> Float[Array, ""]:
+    return balanced_bce(logits=output, labels=labels, mask=mask)
+
+
+def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
+    """The phases of a model, in order; shares add up to 1. `half`: the networks compute in float16."""
     module = build_model(config)
-    if config.name == "two-stage":
-        return [
-            Phase("visibility", 0.4, ("visibility",), _visibility_loss(module)),
-            Phase("coefficients", 0.6, ("coefficient",), _coefficient_loss(module)),
-        ]
-    return [Phase("coefficients", 1.0, None, _coefficient_loss(module))]
+
+    def coefficients(share: float, trainable: tuple[str, ...] | None) -> Phase:
+        output = _output(module, "__call__", half)
+        return Phase("coefficients", share, trainable, "coefficients", output, _squared, _coefficient_measures)
+
+    if config.name != "two-stage":
+        return [coefficients(1.0, None)]
+    logits = _output(module, "visibility_logits", half)
+    visibility = Phase("visibility", 0.4, ("visibility",), "visibility", logits, _balanced, _visibility_measures)
+    return [visibility, coefficients(0.6, ("coefficient",))]

@@ -1,11 +1,13 @@
 """The training loop: AdamW, cosine decay, clipped gradients, phases, checkpoints, bit-for-bit resume on a CPU.
 
-A run folder holds `config.json`, `metrics.jsonl` (one line a logged step), `checkpoint/` and, when finished,
-`model.npz` (best parameters by validation MSE of the last phase). A budget in seconds counts from each phase's
-first compiled step; a budget in steps makes the run a function of its config alone.
+A run folder holds `config.json`, `metrics.jsonl`, `events/` (TensorBoard), `checkpoint/` and, when finished,
+`model.npz` (best parameters by the validation loss of the last phase). A budget in seconds counts from each phase's
+first compiled step; a budget in steps makes the run a function of its config alone. Where JAX sees several devices a
+batch is spread over them, whole shapes on each (data parallel through `jax.sharding`); the loss is that of one device.
 """
 
 import json
+import os
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,14 +18,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from flax.training.dynamic_scale import DynamicScale
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array
 
-from gash_jax.learn.batches import Batch, Example, collate, draw_batch
+from gash_jax.learn.batches import Batch, Example, draw_batch, validation_batches
 from gash_jax.learn.checkpoint import has_checkpoint, restore_checkpoint, save_checkpoint
-from gash_jax.learn.config import ConfigError, OptimConfig, RunConfig
+from gash_jax.learn.config import ConfigError, OptimConfig, RunConfig, TrainConfig
+from gash_jax.learn.metrics_log import MetricsLog
 from gash_jax.learn.model import save_model
-from gash_jax.learn.objectives import Phase, phases
+from gash_jax.learn.objectives import Phase, flat, phases
+from gash_jax.learn.precision import computes_in_half, initial_scale, scaled_gradients
 from gash_jax.nn.registry import build_model
+from gash_jax.prt.bake import available_cores
 
 LOG_EVERY = 10
 
@@ -32,12 +39,13 @@ ReportFn = Callable[[str, float, dict[str, float]], None]
 
 
 class TrainState(NamedTuple):
-    """Everything a resumed run needs; `best` are the parameters with the lowest validation error so far."""
+    """Everything a resumed run needs; `best` are the parameters with the lowest validation loss so far."""
 
     params: Any
     best: Any
     best_error: float
     optimizer: Any
+    scale: DynamicScale
     phase: int
     step: int
     elapsed: float
@@ -60,56 +68,72 @@ def learning_rate(config: OptimConfig, fraction: float) -> float:
     return config.learning_rate * 0.5 * (1.0 + float(np.cos(np.pi * min(rest, 1.0))))
 
 
-@partial(jax.jit, static_argnames=("phase", "optimizer"))
+@partial(jax.jit, static_argnames=("phase", "optimizer", "half"))
 def train_step(
-    params: Any, moments: Any, batch: Batch, rate: Array, key: Array, *, phase: Phase, optimizer: Any
-) -> tuple[Any, Any, dict[str, Array]]:
-    """One step on one batch; only the phase's parameters change (the others have gradient 0)."""
+    params: Any,
+    moments: Any,
+    scale: DynamicScale,
+    batch: Batch,
+    rate: Array,
+    key: Array,
+    *,
+    phase: Phase,
+    optimizer: Any,
+    half: bool = False,
+) -> tuple[Any, Any, DynamicScale, dict[str, Array]]:
+    """One step on one batch; only the phase's parameters change (the others have gradient 0).
+
+    A step whose gradients overflowed in half precision changes nothing but the loss scale.
+    """
     frozen = {name: value for name, value in params.items() if phase.trainable and name not in phase.trainable}
     chosen = {name: value for name, value in params.items() if name not in frozen}
-
-    def objective(chosen: Any) -> tuple[Array, dict[str, Array]]:
-        return phase.loss({**frozen, **chosen}, batch, key)
-
-    (loss, measures), gradients = jax.value_and_grad(objective, has_aux=True)(chosen)
+    objective = lambda chosen: phase.objective({**frozen, **chosen}, batch, key)  # noqa: E731
+    loss, gradients, scale, finite = scaled_gradients(objective, chosen, scale, half)
     gradients = {**gradients, **jax.tree.map(jnp.zeros_like, frozen)}
-    updates, moments = optimizer.update(gradients, moments, params)
-    moved = jax.tree.map(lambda p, u: p - rate * u, params, updates)
-    return (
-        {**moved, **frozen},
-        moments,
-        {"loss": loss, "gradient_norm": optax.tree.norm(gradients), **measures},
-    )
+    updates, after = optimizer.update(gradients, moments, params)
+    moved = {**jax.tree.map(lambda p, u: p - rate * u, params, updates), **frozen}
+    if half:
+        keep = lambda new, old: jnp.where(finite, new, old)  # noqa: E731
+        moved, after = jax.tree.map(keep, moved, params), jax.tree.map(keep, after, moments)
+    measures = {"loss": loss, "gradient_norm": optax.tree.norm(gradients)}
+    return moved, after, scale, measures | ({"scale": jnp.asarray(scale.scale)} if half else {})
 
 
 @partial(jax.jit, static_argnames="phase")
-def evaluate_step(params: Any, batch: Batch, *, phase: Phase) -> Array:
-    """Validation loss of a batch, without dropout."""
-    return phase.loss(params, batch, None)[0]
+def predict_step(params: Any, batch: Batch, *, phase: Phase) -> Array:
+    """Output of every vertex of a batch, without dropout."""
+    return phase.output(params, batch, None)
 
 
-def validation_batches(examples: Sequence[Example], size: int) -> list[Batch]:
-    """Every validation shape exactly once, in padded batches."""
-    batches, group, used = [], [], 0
-    for example in examples:
-        count = len(example.coefficients)
-        if group and used + count >= size:
-            batches.append(collate(group, size))
-            group, used = [], 0
-        group.append(example)
-        used += count
-    return [*batches, collate(group, size)] if group else batches
-
-
-def _validate(params: Any, batches: Sequence[Batch], phase: Phase) -> float:
-    losses = [(float(evaluate_step(params, batch, phase=phase)), int(batch.mask.sum())) for batch in batches]
-    return sum(loss * n for loss, n in losses) / max(sum(n for _, n in losses), 1)
+def validate(params: Any, batches: Sequence[Batch], phase: Phase) -> dict[str, float]:
+    """Loss and measures over the vertices of all validation shapes together."""
+    outputs, labels, normals = [], [], []
+    for batch in batches:
+        mask = np.asarray(flat(batch.mask))
+        outputs.append(np.asarray(predict_step(params, batch, phase=phase))[mask])
+        labels.append(np.asarray(flat(getattr(batch, phase.labels)))[mask])
+        normals.append(np.asarray(flat(batch.graph.nodes["normal"]))[mask])  # type: ignore[index]
+    output, label, normal = (np.concatenate(arrays) for arrays in (outputs, labels, normals))
+    loss = float(phase.loss(jnp.asarray(output), jnp.asarray(label), jnp.ones(len(output), bool)))
+    return {"validation": loss, **phase.measure(output, label, normal)}
 
 
 def initial_state(config: RunConfig, example: Batch) -> TrainState:
     """Fresh parameters from the seed, optimiser of the first phase."""
-    params = build_model(config.model).init(jax.random.key(config.train.seed), example.graph)["params"]
-    return TrainState(params, params, float("inf"), make_optimizer(config.optim).init(params), 0, 0, 0.0)
+    graph = jax.tree.map(lambda leaf: leaf[0], example.graph)
+    params = build_model(config.model).init(jax.random.key(config.train.seed), graph)["params"]
+    moments, scale = make_optimizer(config.optim).init(params), initial_scale(computes_in_half(config.train.precision))
+    return TrainState(params, params, float("inf"), moments, scale, 0, 0, 0.0)
+
+
+def _open_folder(folder: Path, config: RunConfig) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    saved, resolved = folder / "config.json", json.dumps(config.to_dict(), indent=1)
+    if saved.exists() and saved.read_text() != resolved:
+        raise ConfigError(f"{folder} holds a run with another config: choose another output folder, or delete it")
+    temporary = folder / ".config.json.tmp"
+    temporary.write_text(resolved)
+    os.replace(temporary, saved)
 
 
 def train_model(
@@ -121,71 +145,108 @@ def train_model(
 ) -> Path:
     """Train (or continue) the run in `folder` and return the path of its model file.
 
-    Raises ConfigError if the folder holds a run of another config.
+    Raises ConfigError if the folder holds a run of another config, FloatingPointError where the loss is not finite.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    saved, resolved = folder / "config.json", json.dumps(config.to_dict(), indent=1)
-    if saved.exists() and saved.read_text() != resolved:
-        raise ConfigError(f"{folder} holds a run with another config: choose another output folder, or delete it")
-    saved.write_text(resolved)
+    _open_folder(folder, config)
     batches = validation_batches(validation, config.train.batch_vertices)
     state = initial_state(config, draw_batch(training, config.train.batch_vertices, config.train.seed, 0))
     if has_checkpoint(folder):
         state = restore_checkpoint(folder, state)
-    plan = phases(config.model)
-    with open(folder / "metrics.jsonl", "a") as log:
+    plan = phases(config.model, computes_in_half(config.train.precision))
+    with MetricsLog(folder, [phase.name for phase in plan], int(state.phase), int(state.step)) as log:
         while state.phase < len(plan):
-            state = _train_phase(config, plan[state.phase], state, training, batches, folder, log, report)
+            state = _PhaseRun(config, plan[state.phase], training, batches, folder, log, report).run(state)
             following = state.phase + 1
             error = state.best_error if following == len(plan) else float("inf")
             fresh = make_optimizer(config.optim).init(state.best)
-            state = TrainState(state.best, state.best, error, fresh, following, 0, 0.0)
+            state = state._replace(
+                params=state.best, best_error=error, optimizer=fresh, phase=following, step=0, elapsed=0.0
+            )
     path = folder / "model.npz"
     save_model(path, config.model, state.best, name=config.name, run=config.to_dict(), validation=state.best_error)
     return path
 
 
-def _train_phase(config, phase, state, training, batches, folder, log, report) -> TrainState:
-    """Run one phase to the end of its budget, logging and checkpointing on the way."""
-    train, optimizer = config.train, make_optimizer(config.optim)
-    key = jax.random.key(train.seed)
-    budget_steps = round(train.steps * phase.share) if train.steps else 0
-    started = time.perf_counter() - state.elapsed
-
-    def used(step: int) -> float:
-        return step / budget_steps if budget_steps else (time.perf_counter() - started) / (train.seconds * phase.share)
-
-    fresh = state.step == 0
-    while (fraction := used(state.step)) < 1.0:
-        rate = jnp.float32(learning_rate(config.optim, fraction))
-        batch = draw_batch(training, train.batch_vertices, train.seed + 1 + state.phase, state.step)
-        step_key = jax.random.fold_in(key, (state.phase << 24) + state.step)
-        params, moments, measures = train_step(
-            state.params, state.optimizer, batch, rate, step_key, phase=phase, optimizer=optimizer
-        )
-        state = state._replace(params=params, optimizer=moments, step=state.step + 1)
-        if fresh:  # compilation is not training time
-            jax.block_until_ready(params)
-            _validate(params, batches[:1], phase)
-            started, fresh = time.perf_counter(), False
-        if state.step % LOG_EVERY == 0:
-            values = {name: float(value) for name, value in measures.items()}
-            log.write(json.dumps({"phase": phase.name, "step": state.step, "rate": float(rate), **values}) + "\n")
-            if report:
-                report(phase.name, min(used(state.step), 1.0), values)
-        if state.step % train.checkpoint_every == 0:
-            state = _note_best(state, batches, phase, log)._replace(elapsed=time.perf_counter() - started)
-            save_checkpoint(folder, state)
-    state = _note_best(state, batches, phase, log)._replace(elapsed=time.perf_counter() - started)
-    save_checkpoint(folder, state)
-    return state
+def make_clock(config: TrainConfig) -> Callable[[], float]:
+    """Seconds on the wall, or CPU seconds of this process for each core it may use."""
+    cores = available_cores()
+    return time.perf_counter if config.clock == "wall" else lambda: time.process_time() / cores
 
 
-def _note_best(state: TrainState, batches: Sequence[Batch], phase: Phase, log: Any) -> TrainState:
-    """Keep the parameters if they are the best so far on the validation shapes (or if there are none)."""
-    error = _validate(state.params, batches, phase) if batches else 0.0
-    log.write(json.dumps({"phase": phase.name, "step": state.step, "validation": error}) + "\n")
-    log.flush()
-    better = error < state.best_error or not batches
-    return state._replace(best=state.params, best_error=error) if better else state
+class _PhaseRun(NamedTuple):
+    """One phase to the end of its budget, logging and checkpointing on the way."""
+
+    config: RunConfig
+    phase: Phase
+    training: Sequence[Example]
+    batches: Sequence[Batch]
+    folder: Path
+    log: MetricsLog
+    report: ReportFn | None
+
+    def run(self, state: TrainState) -> TrainState:
+        train, clock = self.config.train, make_clock(self.config.train)
+        half, optimizer = computes_in_half(train.precision), make_optimizer(self.config.optim)
+        devices, key = jax.devices(), jax.random.key(train.seed)
+        place = _placement(devices)
+        budget_steps = round(train.steps * self.phase.share)
+        started = clock() - state.elapsed
+
+        def used(step: int) -> float:
+            return step / budget_steps if budget_steps else (clock() - started) / (train.seconds * self.phase.share)
+
+        fresh = state.step == 0
+        while (fraction := used(state.step)) < 1.0:
+            rate = jnp.float32(learning_rate(self.config.optim, fraction))
+            seed = train.seed + 1 + state.phase
+            batch = place(draw_batch(self.training, train.batch_vertices, seed, state.step, len(devices)))
+            step_key = jax.random.fold_in(key, (state.phase << 24) + state.step)
+            params, moments, scale, measures = train_step(
+                *(state.params, state.optimizer, state.scale, batch, rate, step_key),
+                **{"phase": self.phase, "optimizer": optimizer, "half": half},
+            )
+            state = state._replace(params=params, optimizer=moments, scale=scale, step=state.step + 1)
+            if fresh:  # compilation is not training time
+                jax.block_until_ready(params)
+                validate(params, self.batches[:1], self.phase)
+                started, fresh = clock(), False
+            if state.step % LOG_EVERY == 0:
+                self._log(state, float(rate), measures, used(state.step))
+            if state.step % train.checkpoint_every == 0:
+                elapsed = clock() - started
+                state = self._checkpoint(state, elapsed)
+                started = clock() - elapsed  # validation is not training time either
+        return self._checkpoint(state, clock() - started)
+
+    def _log(self, state: TrainState, rate: float, measures: dict[str, Array], fraction: float) -> None:
+        values = {"rate": rate, **{name: float(value) for name, value in measures.items()}}
+        # in half precision a step may overflow, is skipped, and halves the scale: only a vanished scale is a failure
+        if not np.isfinite(values["loss"]) and values.get("scale", 0.0) < 1.0:
+            raise FloatingPointError(
+                f"the loss is {values['loss']} at step {state.step}: lower optim.learning_rate and start again"
+            )
+        self.log.write(state.phase, state.step, values)
+        if self.report:
+            self.report(self.phase.name, min(fraction, 1.0), values)
+
+    def _checkpoint(self, state: TrainState, elapsed: float) -> TrainState:
+        """Keep the parameters if they are the best so far on the validation shapes (or if there are none); save."""
+        if self.batches:
+            values = validate(state.params, self.batches, self.phase)
+            self.log.write(state.phase, state.step, values)
+            if values["validation"] < state.best_error:
+                state = state._replace(best=state.params, best_error=values["validation"])
+        else:
+            state = state._replace(best=state.params)
+        state = state._replace(elapsed=elapsed)
+        save_checkpoint(self.folder, state)
+        return state
+
+
+def _placement(devices: Sequence[jax.Device]) -> Callable[[Batch], Batch]:
+    """Put shard i on device i; nothing to do on one."""
+    if len(devices) == 1:
+        return lambda batch: batch
+    sharding = NamedSharding(Mesh(np.array(devices), ("shard",)), PartitionSpec("shard"))
+    return lambda batch: jax.device_put(batch, sharding)

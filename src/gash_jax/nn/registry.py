@@ -30,6 +30,8 @@ class _Defaults(NamedTuple):
 DEFAULTS = {
     "local": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
     "two-stage": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
+    "gnn": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
+    "teacher": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "mlp": _Defaults(channels=128, layers=3, heads=1, neighbours=0, graph="none"),
 }
 
@@ -38,8 +40,9 @@ DEFAULTS = {
 class ModelConfig:
     """Everything that determines a network; 0 and "" stand for the model's own default and are resolved at once.
 
-    `channels`, `layers`, `heads` are those of the net that predicts coefficients; the `visibility_` fields and
-    `dropout` belong to the two-stage network alone. `block`: vertices per block in inference, 0 for all at once.
+    `channels`, `layers`, `heads` are those of the net that predicts coefficients; `visibility_channels` and
+    `visibility_layers` belong to the two-stage network alone, `visibility_directions` also to the teacher, `dropout` to
+    both and to the single-stage GNN. `block`: vertices per block in inference, 0 for all at once.
     Raises ValueError for values no network can be built from.
     """
 
@@ -99,7 +102,11 @@ def build_model(config: ModelConfig) -> nn.Module:
         return MLP(channels, layers, bands)
     if config.name == "local":
         return LocalNet(channels, layers, heads, bands, neighbours, block)
+    sees = config.name != "gnn"
+    coefficient = CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block, sees)
+    if config.name != "two-stage":
+        return coefficient
     visibility = VisibilityNet(
         config.visibility_channels, config.visibility_layers, heads, config.visibility_directions, neighbours, block
     )
-    return TwoStage(visibility, CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block))
+    return TwoStage(visibility, coefficient)

@@ -5,6 +5,9 @@
 
 The paper gives no number of heads: 4 here, concatenated, so that a head has a quarter of the channels. It trains the
 stages one after the other; `TwoStage` holds both, under the parameters "visibility" and "coefficient".
+
+Stage 2 alone is two more of the paper's networks (4.1): the single-stage GNN, which reads motors only, and the teacher,
+which reads the true visibility, 57 inputs with the 32 of the motor.
 """
 
 import jax
@@ -43,7 +46,7 @@ class VisibilityNet(nn.Module):
 
 
 class CoefficientNet(nn.Module):
-    """Stage 2: coefficients; besides the motor it reads nodes["visibility"], probabilities (v, n)."""
+    """Stage 2: coefficients from the motor and, with `sees_visibility`, nodes["visibility"] (v, n) in 0 .. 1."""
 
     channels: int = 96
     layers: int = 5
@@ -52,13 +55,15 @@ class CoefficientNet(nn.Module):
     dropout: float = 0.2
     neighbours: int | None = 16
     block: int | None = None
+    sees_visibility: bool = True
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; where not `deterministic` (training) it needs the random stream "dropout"."""
         ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
         nodes = node_arrays(graph)
-        x = jnp.concatenate([nodes["motor"], nodes["visibility"]], axis=-1)
+        names = ("motor", "visibility") if self.sees_visibility else ("motor",)
+        x = jnp.concatenate([nodes[name] for name in names], axis=-1)
         x = nn.Dense(self.channels, name="embed")(x)
         for i in range(self.layers):
             y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)

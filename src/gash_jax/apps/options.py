@@ -1,0 +1,54 @@
+"""Options that several commands share, and the command class that ends its help with an example."""
+
+from pathlib import Path
+
+import click
+
+PATH = click.Path(path_type=Path)
+
+
+class Command(click.Command):
+    """A command whose help ends with an example, printed as it is to be typed."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the example without re-wrapping it."""
+        if self.epilog:
+            formatter.write(f"\nExample:\n  {self.epilog}\n")
+
+
+def bands_option(default: int = 3):
+    """--bands, the same everywhere."""
+    return click.option(
+        "--bands",
+        type=click.IntRange(1, 10),
+        default=default,
+        show_default=True,
+        help="SH bands B; B*B coefficients.",
+    )
+
+
+quiet_option = click.option("--quiet", is_flag=True, help="No progress bar, no summary.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for programs.")
+up_option = click.option(
+    "--up",
+    type=click.Choice(["x", "y", "z"]),
+    default="y",
+    show_default=True,
+    help="Axis that points up in the file.",
+)
+
+
+def light_option(text: str):
+    """--light where it may be left out."""
+    return click.option("--light", "light_path", type=PATH, help=text)
+
+
+reference_option = click.option(
+    "--rays",
+    type=click.IntRange(64, 1 << 20),
+    default=4096,
+    show_default=True,
+    help="Rays per vertex of the reference.",
+)
+result_option = click.option("-o", "--output", type=PATH, help="Results to write (.json).")
+output_option = click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write.")

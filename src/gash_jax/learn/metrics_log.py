@@ -1,0 +1,61 @@
+"""What a run measured, as lines of JSON and as TensorBoard events: the only file that imports tensorboardX.
+
+A resumed run first drops the lines after its checkpoint, so that every step is logged once. Events cannot be cut; a
+resumed run starts another event file in the same folder, whose later steps TensorBoard prefers.
+"""
+
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from tensorboardX import SummaryWriter
+
+LINES, EVENTS = "metrics.jsonl", "events"
+
+
+class MetricsLog:
+    """Open log of a run folder; a context manager. `phase` and `step`: where the run continues (0, 0: a new run)."""
+
+    def __init__(self, folder: Path, names: list[str], phase: int = 0, step: int = 0) -> None:
+        self._path, self._first = folder / LINES, {}
+        kept = []
+        for line in read_lines(folder):
+            number = names.index(line["phase"])
+            if (number, line["step"]) <= (phase, step):
+                kept.append(line)
+                self._first[number] = max(self._first.get(number, 0), line["step"])
+        self._path.write_text("".join(json.dumps(line) + "\n" for line in kept))
+        self._names, self._file = names, open(self._path, "a", encoding="utf-8")
+        self._events = SummaryWriter(str(folder / EVENTS), purge_step=self._global(phase, step) + 1, flush_secs=30)
+
+    def _global(self, phase: int, step: int) -> int:
+        """Steps over all phases: TensorBoard knows one axis."""
+        return sum(self._first.get(number, 0) for number in range(phase)) + step
+
+    def write(self, phase: int, step: int, values: dict[str, float]) -> None:
+        """One line; values by name, such as "loss" or "validation"."""
+        self._file.write(json.dumps({"phase": self._names[phase], "step": step, **values}) + "\n")
+        self._file.flush()
+        self._first[phase] = max(self._first.get(phase, 0), step)
+        for name, value in values.items():
+            self._events.add_scalar(f"{self._names[phase]}/{name}", value, self._global(phase, step))
+
+    def __enter__(self) -> "MetricsLog":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._file.close()
+        self._events.close()
+
+
+def read_lines(folder: Path) -> list[dict[str, Any]]:
+    """The logged lines of a run, oldest first; a line that an interruption cut is left out."""
+    path = folder / LINES
+    lines = []
+    for text in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            lines.append(json.loads(text))
+        except json.JSONDecodeError:
+            continue
+    return lines
