@@ -1,0 +1,170 @@
+"""The NumPy runtime predicts what the package predicts, from the file alone."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
+from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.learn.model import Model, load_model, save_model, shipped_models
+from gash_jax.learn.model_graph import model_graph
+from gash_jax.learn.shapes import make_shape
+from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
+from gash_jax.prt.hemisphere import hemisphere_visibility
+from tests.helpers.bumpy import bumpy_mesh, random_variables
+
+ROOT = Path(__file__).parents[2]
+RUNTIME = ROOT / "runtimes" / "gash_numpy.py"
+sys.path.insert(0, str(RUNTIME.parent))
+
+import gash_numpy  # noqa: E402  # pyright: ignore[reportMissingImports]
+
+SMALL = {"channels": 8, "layers": 2, "heads": 2}
+NETS = {
+    "mlp": ModelConfig("mlp", channels=16, layers=2),
+    "gnn": ModelConfig("gnn", neighbours=5, **SMALL),
+    "teacher": ModelConfig("teacher", neighbours=5, **SMALL),
+    "two-stage": ModelConfig("two-stage", neighbours=5, visibility_channels=8, visibility_layers=2, **SMALL),
+    "two-stage rings, 4 bands": ModelConfig(
+        "two-stage", 4, neighbours=16, graph="rings", visibility_channels=8, visibility_layers=1, **SMALL
+    ),
+    "local": ModelConfig("local", neighbours=16, **SMALL),
+    "local, 5 bands": ModelConfig("local", 5, neighbours=32, **SMALL),
+}
+
+
+def _odd_mesh() -> Mesh:
+    """Coincident and isolated vertices, a zero normal, normals at and near -e_y."""
+    mesh = bumpy_mesh(90, seed=3)
+    vertices = np.concatenate([mesh.vertices, [mesh.vertices[4], [9.0, 0.0, 0.0]]]).astype(np.float32)
+    faces = np.concatenate([mesh.faces, [[0, 1, 90]]]).astype(np.int32)
+    normals = angle_weighted_normals(vertices, faces).astype(np.float32)
+    normals[7], normals[91] = 0, 0
+    normals[8], normals[9] = [0, -1, 0], [1e-4, -1, 0]
+    normals[10] = [0, 0, -1]
+    return Mesh(vertices, normals, faces)
+
+
+def _generated_mesh() -> Mesh:
+    """Moved a little, so that no two neighbours are equally far: which of those a tree finds is its own affair."""
+    mesh = make_shape(2, 5, (300, 400))[1]
+    noise = np.random.default_rng(0).normal(scale=1e-3, size=mesh.vertices.shape)
+    return mesh._replace(vertices=(mesh.vertices + noise).astype(np.float32))
+
+
+MESHES = {"odd": _odd_mesh(), "generated": _generated_mesh()}
+
+
+def _written(config: ModelConfig, path: Path) -> Path:
+    graph = model_graph(config, bumpy_mesh(30))
+    save_model(path, config, random_variables(build_model(config), graph)["params"], name="test")
+    return path
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+@pytest.mark.parametrize("net", NETS)
+def test_every_model_equals_the_package(net: str, mesh: Mesh, tmp_path: Path) -> None:
+    path = _written(NETS[net], tmp_path / "model.npz")
+    told = hemisphere_visibility(mesh) if net == "teacher" else None
+    truth = load_model(path).predict(mesh).coefficients
+    found = gash_numpy.predict(gash_numpy.load_model(str(path)), *mesh, visibility=told)
+    assert found.dtype == np.float32 and found.shape == truth.shape
+    np.testing.assert_allclose(found, truth, atol=1e-5 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_shipped_weights(name: str) -> None:
+    model, mesh = load_model(name), MESHES["generated"]
+    found = gash_numpy.predict(gash_numpy.load_model(str(shipped_models()[name])), *mesh, seed=3)
+    truth = model.predict(mesh, seed=3).coefficients
+    np.testing.assert_allclose(found, truth, atol=1e-5 * np.abs(truth).max())
+    other = model.predict(mesh, seed=4).coefficients
+    assert np.abs(other - truth).max() > 1e-4  # the seed matters, so agreeing on it says something
+
+
+def test_parts_by_hand() -> None:
+    up = gash_numpy.motors(np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]))[0]
+    assert up[0] == 1 and np.count_nonzero(up) == 1
+    moved = gash_numpy.motors(np.array([[2.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))[0]
+    assert moved[gash_numpy.E1P] == moved[gash_numpy.E1M] == -1.0
+    table = gash_numpy.nearest(np.array([[0.0], [1.0], [3.0]]), np.arange(3), 4)
+    assert table.tolist() == [[1, 2, 1, 2], [0, 2, 0, 2], [1, 0, 1, 0]]
+    graph = build_graph(MESHES["odd"], "knn", 4)
+    used = np.unique(MESHES["odd"].faces)
+    mine = gash_numpy.nearest(MESHES["odd"].vertices.astype(float), used, 4)
+    np.testing.assert_array_equal(mine.reshape(-1), graph.senders)
+
+
+def test_it_loads_nothing_but_numpy() -> None:
+    code = f"import sys; sys.path.insert(0, {str(RUNTIME.parent)!r}); import gash_numpy; print(*sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "numpy" in out and not {"jax", "flax", "scipy", "gash_jax"} & set(out)
+
+
+def test_command_line(tmp_path: Path) -> None:
+    model, mesh, out = _written(NETS["gnn"], tmp_path / "m.npz"), tmp_path / "mesh.npz", tmp_path / "out.npz"
+    np.savez(mesh, **MESHES["generated"]._asdict())
+    assert gash_numpy.main([str(model), str(mesh), str(out)]) == 0
+    truth = load_model(model).predict(MESHES["generated"]).coefficients
+    with np.load(out) as archive:
+        np.testing.assert_allclose(archive["coefficients"], truth, atol=1e-5 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_bad_files_are_one_line(content: bytes | None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    path = tmp_path / "bad.npz"
+    if content is None:
+        np.savez(path, a=np.zeros(3))
+    else:
+        path.write_bytes(content)
+    assert gash_numpy.main([str(path), str(path), str(tmp_path / "out.npz")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and said.count("\n") == 1
+    assert not (tmp_path / "out.npz").exists()
+
+
+def test_a_teacher_without_visibility_is_told_so(tmp_path: Path) -> None:
+    model = gash_numpy.load_model(str(_written(NETS["teacher"], tmp_path / "m.npz")))
+    with pytest.raises(ValueError, match="visibility"):
+        gash_numpy.predict(model, *MESHES["odd"])
+
+
+def _documented() -> dict[str, dict[str, str]]:
+    """Arrays by model: the rows of the tables of docs/model_file.md, as name -> shape."""
+    tables, model = {}, ""
+    for line in (ROOT / "docs" / "model_file.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("### "):
+            model = line.removeprefix("### ").strip("` ")
+        cells = [cell.strip().strip("`") for cell in line.strip("|").split("|")]
+        if model in DEFAULTS and line.startswith("| `"):
+            tables.setdefault(model, {})[cells[0]] = cells[1]
+    return tables
+
+
+@pytest.mark.parametrize("name", DEFAULTS)
+def test_the_document_names_every_array_and_its_shape(name: str) -> None:
+    config = ModelConfig(name)
+    graph = model_graph(config, bumpy_mesh(30))
+    shapes = jax.eval_shape(build_model(config).init, jax.random.key(0), graph)["params"]
+    values = {"B": config.bands, "C": config.channels, "H": config.heads, "U": config.visibility_channels}
+    values |= {"N": config.visibility_directions}
+    documented = {}
+    for pattern, shape in _documented()[name].items():
+        size = tuple(eval(part, {}, values) for part in shape.strip("()").split(",") if part.strip())
+        layers = config.visibility_layers if pattern.startswith("visibility/") else config.layers
+        for i in range(layers) if "{i}" in pattern else [0]:
+            documented[pattern.replace("{i}", str(i))] = size
+    actual = {"/".join(str(key.key) for key in path): leaf.shape for path, leaf in jax.tree.leaves_with_path(shapes)}
+    # the first hidden layer of the MLP reads the motor, the others the layer before
+    documented |= {"dense_0/kernel": (32, config.channels)} if name == "mlp" else {}
+    assert documented == actual
+
+
+def test_the_model_class_is_what_the_file_holds(tmp_path: Path) -> None:
+    path = _written(NETS["gnn"], tmp_path / "m.npz")
+    model = load_model(path)
+    assert isinstance(model, Model) and gash_numpy.load_model(str(path)).config == model.config.to_dict()
