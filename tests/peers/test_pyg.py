@@ -1,6 +1,6 @@
 """Live parity with PyTorch Geometric: both layers on random graphs, forward and gradients, and the two-stage network.
 
-Needs the extra `peers` (`make peers`); the committed values in tests/golden hold the layers to the same numbers without it.
+Needs the extra `peers` (`make peers`); values kept in tests/golden hold the layers to the same numbers without it.
 """
 
 import sys

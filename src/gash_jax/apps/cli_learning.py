@@ -20,13 +20,16 @@ from gash_jax.apps.options import (
 @click.argument("mesh", type=PATH)
 @output_option
 @click.option("--model", default="local", show_default=True, help="Name of shipped weights, or a weights file (.npz).")
+@click.option(
+    "--ambient", is_flag=True, help="Darken crevices afterwards by geometric ambient occlusion (GNN paper, 4.3.2)."
+)
 @up_option
 @quiet_option
-def predict(mesh: Path, output: Path, model: str, up: str, quiet: bool) -> None:
+def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet: bool) -> None:
     """Predict the transfer of MESH with a network: no rays."""
     from gash_jax.apps import learning
 
-    learning.predict(mesh, output, model, up, quiet)
+    learning.predict(mesh, output, model, ambient, up, quiet)
 
 
 @click.command(cls=Command, epilog="gash corpus base -o corpus.png")

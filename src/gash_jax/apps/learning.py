@@ -8,6 +8,7 @@ from gash_jax.apps.plots import plot_curves
 from gash_jax.apps.progress import progress_bar, say
 from gash_jax.geometry.mesh_io import read_mesh
 from gash_jax.geometry.npz_io import check_writable
+from gash_jax.graph.ambient import STRENGTH, ambient_refinement
 from gash_jax.learn.config import load_config
 from gash_jax.learn.metrics_log import read_lines
 from gash_jax.learn.model import load_model, save_model
@@ -17,12 +18,15 @@ from gash_jax.prt.transfer import save_transfer
 CURVES = "curves.png"
 
 
-def predict(mesh_path: Path, output: Path, model_name: str, up: str, quiet: bool) -> None:
+def predict(mesh_path: Path, output: Path, model_name: str, ambient: bool, up: str, quiet: bool) -> None:
     """`gash predict`."""
     check_writable(output)
     model = load_model(model_name)
     mesh, health = read_mesh(mesh_path, up)
     transfer = model.predict(mesh)
+    if ambient:
+        transfer = transfer._replace(coefficients=ambient_refinement(mesh, transfer.coefficients))
+        transfer.metadata["parameters"]["ambient"] = STRENGTH
     transfer.metadata["health"] = health.to_dict()
     save_transfer(output, transfer)
     for line in health.lines():

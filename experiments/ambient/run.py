@@ -1,0 +1,63 @@
+"""Strength of the ambient-occlusion refinement, fitted on generated shapes, and what it is worth on others.
+
+    .venv/bin/python experiments/ambient/run.py --output experiments/ambient/results.json
+
+For fixed occlusion a, the s that minimises |c (1 - s a) - t|² is closed: s = <c a, c - t> / |c a|².
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from gash_jax.apps.evaluating import write_json
+from gash_jax.apps.provenance import provenance
+from gash_jax.graph.ambient import STRENGTH, ambient_occlusion, ambient_refinement
+from gash_jax.learn import metrics
+from gash_jax.learn.shapes import make_shape
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.transfer import unshadowed_transfer
+
+FIT_SEED, HELD_SEED, SHAPES = 5, 6, 36
+
+
+def shapes(seed: int, count: int) -> list[tuple]:
+    """Meshes with their closed form and their bake."""
+    found = []
+    for index in range(count):
+        mesh = make_shape(seed, index, (1000, 4000))[1]
+        formula = np.asarray(unshadowed_transfer(mesh.normals, 3))
+        found.append((mesh, formula, bake_transfer(mesh, rays=256, replicates=1).coefficients))
+    return found
+
+
+def main(output: Path | None, count: int) -> dict:
+    above, below = 0.0, 0.0
+    for mesh, formula, truth in shapes(FIT_SEED, count):
+        darkened = formula * ambient_occlusion(mesh)[:, None]
+        above, below = above + np.sum(darkened * (formula - truth)), below + np.sum(darkened**2)
+    held = [
+        {"vertices": len(mesh.vertices), "skill": metrics.skill(ambient_refinement(mesh, formula), truth, mesh.normals)}
+        for mesh, formula, truth in shapes(HELD_SEED, count)
+    ]
+    skills = [row["skill"] for row in held if isinstance(row["skill"], float)]
+    results = {
+        **provenance(seed=FIT_SEED, arguments={"shapes": count}),
+        "fitted_strength": float(above / below),
+        "strength": STRENGTH,
+        "median_skill": float(np.median(skills)),
+        "worst_skill": min(skills),
+        "rows": held,
+    }
+    print({key: results[key] for key in ("fitted_strength", "strength", "median_skill", "worst_skill")})
+    if output:
+        write_json(output, results)
+    return results
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path)
+    parser.add_argument("--shapes", type=int, default=SHAPES)
+    options = parser.parse_args()
+    main(options.output, options.shapes)
