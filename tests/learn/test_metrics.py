@@ -73,3 +73,13 @@ def test_plain_bake_is_worth_its_own_rays() -> None:
     assert list(curve) == [4, 8, 16, 32, 64, 128, 256, 512]
     other = bake_transfer(mesh, rays=64, replicates=1, seed=3).coefficients
     assert metrics.equivalent_rays(metrics.mse(other, reference), curve) == pytest.approx(64, rel=0.2)
+
+
+def test_visibility_scores_by_hand() -> None:
+    truth = np.array([[True, True, True, False]])
+    called = np.array([[True, False, True, True]])
+    scores = metrics.visibility_scores(called, truth)
+    assert scores["accuracy"] == 0.5 and scores["majority_accuracy"] == 0.75
+    assert scores["balanced_accuracy"] == pytest.approx((2 / 3 + 0) / 2)
+    one_class = metrics.visibility_scores(np.array([[True, False]]), np.array([[True, True]]))
+    assert one_class["balanced_accuracy"] == 0.5 and one_class["majority_accuracy"] == 1.0

@@ -113,7 +113,7 @@ def from_dict(cls: type[T], values: Mapping[str, Any], where: str = "") -> T:
         arguments[key] = value
     try:
         return cls(**arguments)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:  # TypeError: a field without a default is missing
         raise ConfigError(f"config {where.rstrip('.') or 'file'}: {error}") from None
 
 

@@ -96,6 +96,8 @@ def load_sweep(path: Path) -> tuple[str, list[Run]]:
     points = [dict(zip(axes, values, strict=True)) for values in combinations]
     runs = [run(point, seed) for seed in sweep.seeds for point in points]
     for repeat in sweep.repeats:
+        if set(repeat) != {"seeds", "points"}:
+            raise ConfigError(f"a [[repeats]] table of {path} needs seeds and points, and nothing else")
         runs += [run(point, seed) for seed in repeat["seeds"] for point in repeat["points"]]
     return sweep.name, runs
 

@@ -1,0 +1,81 @@
+"""`gash sweep` from the command line: lines, table, picture; continued, and with a run that fails."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gash_jax.apps.cli import gash
+from gash_jax.apps.plots import pareto_front
+
+SPEC = """
+name = "tiny"
+config = "mlp"
+set = ["data.shapes=2", "data.validation_shapes=1", "data.rays=16", "data.min_vertices=150",
+       "data.max_vertices=300", "train.steps=4", "train.batch_vertices=BATCH"]
+[axes.width]
+keys = ["model.channels"]
+values = VALUES
+[[repeats]]
+seeds = [1]
+points = [{ width = 4 }]
+"""
+
+
+def _sweep(values: str, batch: int = 512) -> None:
+    Path("sweep.toml").write_text(SPEC.replace("VALUES", values).replace("BATCH", str(batch)))
+    gash.main(["sweep", "sweep.toml", "-o", "out"], standalone_mode=False)
+
+
+def _lines() -> list[dict]:
+    return [json.loads(line) for line in Path("out/results.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.slow
+def test_a_sweep_is_finished_in_two_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    _sweep("[4]")
+    first = _lines()
+    assert "2 runs, 0 done before" in capsys.readouterr().out and len(first) == 2
+    _sweep("[4, 8]")
+    assert "3 runs, 2 done before" in capsys.readouterr().out
+    lines = _lines()
+    assert lines[:2] == first and {(line["width"], line["seed"]) for line in lines} == {(4, 0), (4, 1), (8, 0)}
+    assert {"machine", "commit", "skill", "relrmse", "parameters", "steps"} <= set(lines[2])
+    with open("out/results.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["width"] for row in rows] == ["4", "8"] and [row["seeds"] for row in rows] == ["2", "1"]
+    pair = [line["relrmse"] for line in first]
+    assert float(rows[0]["relrmse"]) == pytest.approx(np.mean(pair))
+    assert float(rows[0]["relrmse_std"]) == pytest.approx(np.std(pair, ddof=1)) and rows[1]["relrmse_std"] == ""
+    assert float(rows[0]["us_per_vertex"]) > 0
+    with Image.open("out/pareto.png") as picture:
+        assert picture.size[0] > 500
+
+
+@pytest.mark.slow
+def test_a_failing_run_is_named_and_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    _sweep("[4]")
+    with pytest.raises(ValueError, match=r"2 of 2 runs failed.*batch_vertices"):
+        _sweep("[4]", batch=8)
+    assert len(_lines()) == 2  # those of before
+
+
+def test_more_jobs_than_cores_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sweep.toml").write_text(SPEC.replace("VALUES", "[4]").replace("BATCH", "512"))
+    with pytest.raises(ValueError, match="--jobs 1000"):
+        gash.main(["sweep", "sweep.toml", "-o", "out", "--jobs", "1000"], standalone_mode=False)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_front_is_what_no_other_point_beats(seed: int) -> None:
+    costs = np.random.default_rng(seed).integers(0, 5, (12, 2)).astype(float)  # ties and doubles
+    front = pareto_front(costs)
+    beaten = [any(np.all(b <= a) and np.any(b < a) for b in costs) for a in costs]
+    assert {tuple(costs[i]) for i in front} == {tuple(c) for c, b in zip(costs, beaten, strict=True) if not b}
+    assert np.all(np.diff(costs[front, 0]) > 0) and np.all(np.diff(costs[front, 1]) < 0)
