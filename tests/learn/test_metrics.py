@@ -83,3 +83,19 @@ def test_visibility_scores_by_hand() -> None:
     assert scores["balanced_accuracy"] == pytest.approx((2 / 3 + 0) / 2)
     one_class = metrics.visibility_scores(np.array([[True, False]]), np.array([[True, True]]))
     assert one_class["balanced_accuracy"] == 0.5 and one_class["majority_accuracy"] == 1.0
+
+
+def test_image_scores_by_hand() -> None:
+    rng = np.random.default_rng(0)
+    reference = rng.random((32, 32, 3))
+    reference[0, 0] = 1.0
+    same = metrics.image_scores(reference, reference)
+    assert same["ssim"] == pytest.approx(1.0) and same["psnr"] > 300
+    lifted = metrics.image_scores(reference + 0.1, reference)
+    assert lifted["psnr"] == pytest.approx(20.0, abs=1e-6) and lifted["ssim"] < 1
+    noisy = metrics.image_scores(rng.random((32, 32, 3)), reference)
+    assert noisy["ssim"] < 0.2
+    scaled = metrics.image_scores(5 * (reference + 0.1), 5 * reference)
+    assert scaled["psnr"] == pytest.approx(lifted["psnr"]) and scaled["ssim"] == pytest.approx(lifted["ssim"])
+    with pytest.raises(ValueError, match="black"):
+        metrics.image_scores(reference, 0 * reference)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tensorboardX.proto.event_pb2 import Event
+from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
 
 from gash_jax.learn.metrics_log import EVENTS, LINES, MetricsLog, read_lines
 

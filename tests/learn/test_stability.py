@@ -193,9 +193,9 @@ def test_half_precision_learns_as_float32_does() -> None:
                 **{"phase": phase, "optimizer": optimizer, "half": half},
             )
             values.append(float(measures["loss"]))
+            assert ("scale" in measures) == half and (half or float(scale.scale) == 1)
         losses[precision] = np.array(values)
         assert all(leaf.dtype == jnp.float32 for leaf in jax.tree.leaves(params))
-        assert ("scale" in measures) == half and (half or float(scale.scale) == 1)
     assert losses["float16"][-1] < 0.5 * losses["float16"][0]
     np.testing.assert_allclose(losses["float16"], losses["float32"], rtol=0.1)
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -18,7 +19,7 @@ from gash_jax.learn.model import load_model
 from gash_jax.nn.registry import ModelConfig
 
 DATA = DataConfig(shapes=3, validation_shapes=1, rays=32, min_vertices=150, max_vertices=300)
-GNN = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
+GNN: dict[str, Any] = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
 MODELS = {
     "gnn": ModelConfig(name="gnn", **GNN),
     "teacher": ModelConfig(name="teacher", **GNN),

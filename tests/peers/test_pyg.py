@@ -24,6 +24,7 @@ from gash_jax.learn.model import load_model, save_model  # noqa: E402
 from gash_jax.learn.model_graph import model_graph  # noqa: E402
 from gash_jax.learn.shapes import make_shape  # noqa: E402
 from gash_jax.nn.attention import GATv2Conv, TransformerConv  # noqa: E402
+from gash_jax.nn.inputs import node_arrays  # noqa: E402
 from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
@@ -123,7 +124,7 @@ def test_the_two_stage_network(tmp_path: Path) -> None:
     save_model(path, config, weights, name="test")
     model = load_model(path)
     graph = model.graph(mesh)
-    nodes = {name: np.asarray(leaf) for name, leaf in graph.nodes.items()}
+    nodes = {name: np.asarray(leaf) for name, leaf in node_arrays(graph).items()}
     found = pyg_two_stage.predict(pyg_two_stage.load_pyg(path), nodes["motor"], graph.senders, graph.receivers)
     truth = np.asarray(model(graph))
     usable = np.any(nodes["normal"] != 0, axis=1)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -23,7 +24,7 @@ sys.path.insert(0, str(RUNTIME.parent))
 
 import gash_numpy  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-SMALL = {"channels": 8, "layers": 2, "heads": 2}
+SMALL: dict[str, Any] = {"channels": 8, "layers": 2, "heads": 2}
 NETS = {
     "mlp": ModelConfig("mlp", channels=16, layers=2),
     "gnn": ModelConfig("gnn", neighbours=5, **SMALL),

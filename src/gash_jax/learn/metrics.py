@@ -12,9 +12,12 @@ over the rms standard error (1 where they are honest), the coverage is the share
 Student's t.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import stats
+from skimage.metrics import structural_similarity
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.bake import ProgressFn, bake_transfer
@@ -68,6 +71,21 @@ def visibility_scores(called: Bool[np.ndarray, "v n"], truth: Bool[np.ndarray, "
     majority = max(float(np.mean(truth)), 1 - float(np.mean(truth)))
     accuracy = float(np.mean(called == truth))
     return {"accuracy": accuracy, "balanced_accuracy": float(np.mean(hits)), "majority_accuracy": majority}
+
+
+def image_scores(image: Float[np.ndarray, "h w c"], reference: Float[np.ndarray, "h w c"]) -> dict[str, float]:
+    """PSNR (dB) and SSIM (Wang et al. 2004) of linear pictures of the same view; the reference's maximum is the peak.
+
+    Raises ValueError where the reference is black: nothing is its peak.
+    """
+    peak = float(reference.max())
+    if peak <= 0:
+        raise ValueError("the reference picture is black: it has no peak to measure against")
+    noise = max(mse(image, reference), np.finfo(np.float32).tiny)
+    similarity: Any = structural_similarity(
+        image.astype(np.float64), reference.astype(np.float64), data_range=peak, channel_axis=-1
+    )
+    return {"psnr": float(10 * np.log10(peak**2 / noise)), "ssim": float(similarity)}
 
 
 def flicker(estimates: Float[np.ndarray, "t v k"], references: Float[np.ndarray, "t v k"]) -> float:

@@ -1,0 +1,135 @@
+"""Every trained variant on meshes it has never seen, with the paper's tables rebuilt.
+
+    .venv-peers/bin/python experiments/neural_gash/evaluate.py --meshes FOLDER --output FILE.json
+
+FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates. In an
+environment without PyTorch Geometric its column stays empty. Times are medians of five after a warm-up, graphs built
+before unless said; nothing else should run.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+from variants import LONG, SHORT, folder_of
+
+from gash_jax.apps.evaluating import evaluate_mesh, write_json
+from gash_jax.apps.provenance import provenance
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh_io import load_mesh
+from gash_jax.graph.ambient import ambient_refinement
+from gash_jax.learn.evaluation import REFERENCE_RAYS, Reference, make_reference, score
+from gash_jax.learn.model import Model, load_model
+from gash_jax.learn.shapes import make_shape
+from gash_jax.learn.timing import timed
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.transfer import unshadowed_transfer
+
+TEST = (
+    *("alligator", "beetle", "brain_pial_right", "busted", "face_open", "fandisk", "fixed_top", "heart_coarse"),
+    *(
+        "heart_lowpoly",
+        "igea",
+        "igea_30k",
+        "max_planck_decimated",
+        "pbrt_prt_teapot",
+        "plate_holes",
+        "quadknot",
+        "soup",
+    ),
+    *("spot", "stanford_bunny", "suture_phantom_simple", "suzanne", "teapot", "truck"),
+)
+GENERATED = {"generated 1": (11, 4), "generated 2": (11, 9)}  # seeds that no corpus has
+PLAIN_RAYS = (4, 8, 16, 256)
+
+
+def load_meshes(folder: Path | None, quick: bool) -> dict[str, Callable[[], Mesh]]:
+    """Names and readers of the meshes to be measured."""
+    size = (300, 400) if quick else (8000, 10000)
+    found: dict[str, Callable[[], Mesh]] = {
+        name: lambda s=seed: make_shape(*s, vertices=size)[1] for name, seed in GENERATED.items()
+    }
+    for name in TEST:
+        path = folder / f"{name}.ply" if folder else None
+        if path and path.exists():
+            found[name] = lambda p=path: load_mesh(p)
+    return found
+
+
+def load_models(runs: Path) -> dict[str, Model]:
+    """The finished runs, and the network that ships."""
+    folders = [folder_of(runs, name, False) for name in SHORT] + [folder_of(runs, name, True) for name in LONG]
+    found = {folder.name: load_model(folder / "model.npz") for folder in folders if (folder / "model.npz").exists()}
+    return found | {"local": load_model("local")}
+
+
+def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[str, Any]:
+    """Scores and times of every method on one mesh; times in microseconds per vertex."""
+    per_vertex = 1e6 / len(mesh.vertices)
+    rows: dict[str, Any] = {}
+    formula = np.asarray(unshadowed_transfer(mesh.normals, 3))
+    rows["closed form"] = score(formula, mesh, reference)
+    darkened, seconds = timed(lambda: ambient_refinement(mesh, formula))
+    rows["closed form + AO"] = {**score(darkened, mesh, reference), "network_us": seconds * per_vertex}
+    for rays in PLAIN_RAYS:
+        transfer, seconds = timed(lambda n=rays: bake_transfer(mesh, rays=n, replicates=1), 3)
+        rows[f"plain bake, {rays} rays"] = {
+            **score(transfer.coefficients, mesh, reference),
+            "network_us": seconds * per_vertex,
+        }
+    for name, model in models.items():
+        rows[name] = evaluate_mesh(model, mesh, reference)
+        if name.startswith("two-stage"):
+            predicted = model.predict(mesh).coefficients
+            refined, seconds = timed(lambda p=predicted: ambient_refinement(mesh, p))
+            rows[f"{name} + AO"] = {**score(refined, mesh, reference), "ambient_us": seconds * per_vertex}
+            rows[name] |= stage_times(model, mesh)
+    return rows
+
+
+def stage_times(model: Model, mesh: Mesh) -> dict[str, float | None]:
+    """Microseconds per vertex of stage 1 alone, and of the whole network in PyTorch Geometric (None without it)."""
+    graph, per_vertex = model.graph(mesh), 1e6 / len(mesh.vertices)
+    _, stage1 = timed(lambda: model.visibility_logits(graph))
+    try:
+        import pyg_two_stage  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        return {"stage1_us": stage1 * per_vertex, "pyg_us": None}
+    network = pyg_two_stage.PygTwoStage(model.config, model.params)
+    motor = np.asarray(graph.nodes["motor"])  # type: ignore[index]
+    _, pyg = timed(lambda: pyg_two_stage.predict(network, motor, graph.senders, graph.receivers), 3)
+    return {"stage1_us": stage1 * per_vertex, "pyg_us": pyg * per_vertex}
+
+
+def main(runs: Path, folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+    models, rows = load_models(runs), []
+    rays = 256 if quick else REFERENCE_RAYS
+    for name, read in load_meshes(folder, quick).items():
+        mesh = read()
+        reference = make_reference(mesh, rays=rays)
+        methods = measure(mesh, models, reference)
+        rows.append({"mesh": name, "vertices": len(mesh.vertices), "methods": methods})
+        skills = {n: m["skill"] for n, m in methods.items() if n in models}
+        print(name, len(mesh.vertices), {n: round(s, 2) if isinstance(s, float) else s for n, s in skills.items()})
+    runs_of = {name: model.metadata.get("run", {}) for name, model in models.items()}
+    results = {**provenance(seed=0, arguments={"rays": rays}), "runs": runs_of, "rows": rows}
+    if output:
+        write_json(output, results)
+    return results
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
+    parser.add_argument("--meshes", type=Path)
+    parser.add_argument("--output", type=Path)
+    parser.add_argument("--quick", action="store_true", help="small generated meshes, few rays: to see that it runs")
+    options = parser.parse_args()
+    main(options.runs, options.meshes, options.output, options.quick)
