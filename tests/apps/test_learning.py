@@ -146,3 +146,22 @@ def test_corpus_sheet_shows_every_shape(tmp_path: Path, monkeypatch: pytest.Monk
     assert "2 shapes to train on, 1 to validate" in capsys.readouterr().out
     with Image.open("sheet.png") as sheet:
         assert sheet.size[0] > 3 * corpus_sheet.SIZE
+
+
+def test_a_student_without_its_teacher_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("student-mlp", "student-gnn"):
+        with pytest.raises(ValueError, match="no model 'runs/teacher/model.npz'"):
+            gash.main(["train", name], standalone_mode=False)
+    assert not Path("runs").exists()
+
+
+def test_predict_with_ambient_occlusion_only_darkens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_mesh("bumpy.ply", bumpy_sphere(8))
+    gash.main(["predict", "bumpy.ply", "-o", "plain.npz", "--quiet"], standalone_mode=False)
+    gash.main(["predict", "bumpy.ply", "-o", "darker.npz", "--ambient", "--quiet"], standalone_mode=False)
+    plain, darker = load_transfer("plain.npz"), load_transfer("darker.npz")
+    assert "ambient" in darker.metadata["parameters"] and "ambient" not in plain.metadata["parameters"]
+    assert np.all(np.abs(darker.coefficients) <= np.abs(plain.coefficients))
+    assert np.abs(darker.coefficients - plain.coefficients).max() > 1e-3

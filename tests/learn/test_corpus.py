@@ -48,3 +48,18 @@ def test_a_damaged_cache_file_is_made_again() -> None:
     truth = load_item(path).coefficients
     path.write_bytes(path.read_bytes()[:100])
     np.testing.assert_array_equal(build_corpus(SMALL, 3, np.array([0]))[0].coefficients, truth)
+
+
+def test_a_killed_build_goes_on_where_it_stopped() -> None:
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_corpus(SMALL, 3, np.arange(3), stop)
+    stamps = {i: item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(2)}
+    assert not item_path(SMALL, 3, 2).exists()
+    seen: list[tuple[int, int]] = []
+    assert len(build_corpus(SMALL, 3, np.arange(3), lambda done, total: seen.append((done, total)))) == 3
+    assert seen == [(2, 3), (3, 3)]
+    assert stamps == {i: item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(2)}

@@ -1,0 +1,209 @@
+"""The results page, made whole from what the experiments wrote: `.venv/bin/python docs/results_page.py`.
+
+Reads docs/results/{neural_gash,scene}.json and experiments/latent_depth/results.csv, writes docs/results.md.
+"""
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).parent))
+
+from baking_tables import origin
+
+# the papers' own numbers: Tables 3 and 5 of the GNN paper (vertices, PRT s, network ms)
+PAPER = {
+    "Coolseal": (9673, 417.5, 146.5),
+    "Bipolar": (3808, 151.9, 68.1),
+    "Focus": (8534, 369.3, 121.9),
+    "Brain": (21966, 1051.5, 271.3),
+    "Heart": (29661, 1619.2, 2730.3),
+    "Anatomy": (33995, 1908.6, 4886.8),
+}
+BAKE = "plain bake, 256 rays"
+YARDSTICKS = ("plain bake, 4 rays", "plain bake, 8 rays", "plain bake, 16 rays")
+
+
+def _table(header: list[str], rows: list[list[str]]) -> str:
+    lines = [f"| {' | '.join(header)} |", f"|---{'|--:' * (len(header) - 1)}|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def _median(values: list[Any], digits: int) -> str:
+    numbers = [value for value in values if isinstance(value, float)]
+    return f"{np.median(numbers):.{digits}f}" if numbers else "-"
+
+
+def _rays(values: list[Any]) -> str:
+    """Median of equivalent rays, of which some are only bounds."""
+
+    def rank(value: Any) -> float:
+        return value if isinstance(value, float) else 0.0 if value.startswith("<") else float("inf")
+
+    known = sorted((value for value in values if value != "no transfer"), key=rank)
+    middle = known[len(known) // 2]
+    return f"{middle:.1f}" if isinstance(middle, float) else middle
+
+
+def _methods(result: dict[str, Any]) -> list[str]:
+    return list(result["rows"][0]["methods"])
+
+
+def _column(result: dict[str, Any], method: str, key: str) -> list[Any]:
+    return [row["methods"][method].get(key) for row in result["rows"]]
+
+
+def summary(result: dict[str, Any]) -> str:
+    """One row a method: medians over meshes."""
+    rows = []
+    for method in _methods(result):
+        skills = [value for value in _column(result, method, "skill") if isinstance(value, float)]
+        cells = [method, _median(skills, 3), f"{min(skills):.2f}", _median(_column(result, method, "relrmse"), 4)]
+        cells += [_rays(_column(result, method, "equivalent_rays"))]
+        cells += [_median(_column(result, method, key), 2) for key in ("graph_us", "network_us")]
+        rows.append([*cells, _beaten(result, method)])
+    header = ["method", "median skill", "worst", "relrmse", "equivalent rays", "graph us", "network us", "bake wins"]
+    return _table(header, rows)
+
+
+def _beaten(result: dict[str, Any], method: str) -> str:
+    """On how many meshes some plain bake has a smaller error in less time than graph and network together."""
+    if "graph_us" not in result["rows"][0]["methods"][method]:
+        return "-"
+    wins = 0
+    for row in result["rows"]:
+        mine = row["methods"][method]
+        time = mine["graph_us"] + mine["network_us"]
+        bakes = (row["methods"][name] for name in YARDSTICKS)
+        wins += any(bake["mse"] <= mine["mse"] and bake["network_us"] <= time for bake in bakes)
+    return f"{wins} of {len(result['rows'])}"
+
+
+def per_mesh(result: dict[str, Any]) -> str:
+    """Skill of every model on every mesh."""
+    models = [name for name in _methods(result) if "graph_us" in result["rows"][0]["methods"][name]]
+    rows = []
+    for row in result["rows"]:
+        skills = [row["methods"][name]["skill"] for name in models]
+        cells = [f"{skill:.2f}" if isinstance(skill, float) else skill for skill in skills]
+        rows.append([row["mesh"], str(row["vertices"]), *cells])
+    return _table(["mesh", "vertices", *models], rows)
+
+
+def visibility(result: dict[str, Any]) -> str:
+    """Stage 1 of the two-stage networks (the paper's Figure 11)."""
+    models = [n for n in _methods(result) if "balanced_accuracy" in result["rows"][0]["methods"][n]]
+    rows = []
+    for row in result["rows"]:
+        cells = [f"{row['methods'][models[0]]['majority_accuracy']:.3f}"] if models else []
+        for name in models:
+            cells += [f"{row['methods'][name][key]:.3f}" for key in ("accuracy", "balanced_accuracy")]
+        rows.append([row["mesh"], *cells])
+    header = ["mesh", "majority class", *(f"{name}, {key}" for name in models for key in ("accuracy", "balanced"))]
+    return _table(header, rows) if models else ""
+
+
+def coefficients(result: dict[str, Any]) -> str:
+    """MSE and standard deviation of each coefficient, medians over meshes (the paper's Figures 9 and 10)."""
+    models = [name for name in _methods(result) if "graph_us" in result["rows"][0]["methods"][name]]
+    rows = []
+    for name in ["closed form", *models]:
+        for key, label in (("mse_per_coefficient", "MSE"), ("std", "std")):
+            values = np.median(np.array(_column(result, name, key)), axis=0)
+            rows.append([f"{name}, {label}", *(f"{value:.1e}" for value in values)])
+    return _table(["1-based index", *(str(i + 1) for i in range(9))], rows)
+
+
+def latency(result: dict[str, Any], network: str) -> str:
+    """Tables 3 and 5 rebuilt: seconds of the bake, milliseconds of the network by stage, and of its twin in PyG."""
+    rows = [
+        [f"{name} (paper)", str(vertices), f"{bake:.1f}", "", "", "", "", f"{total:.0f}", ""]
+        for name, (vertices, bake, total) in PAPER.items()
+    ]
+    for row in result["rows"]:
+        count, mine = row["vertices"], row["methods"].get(network)
+        if mine is None:
+            continue
+        ms = count / 1000
+        ambient = row["methods"][f"{network} + AO"]["ambient_us"]
+        times = [mine["graph_us"], mine["stage1_us"], mine["network_us"] - mine["stage1_us"], ambient]
+        total, pyg = mine["graph_us"] + mine["network_us"] + ambient, mine["pyg_us"]
+        cells = [f"{count * row['methods'][BAKE]['network_us'] / 1e6:.2f}", *(f"{time * ms:.1f}" for time in times)]
+        rows.append([row["mesh"], str(count), *cells, f"{total * ms:.0f}", f"{pyg * ms:.0f}" if pyg else "-"])
+    header = [
+        "mesh",
+        "vertices",
+        "bake s",
+        "graph ms",
+        "stage 1 ms",
+        "stage 2 ms",
+        "AO ms",
+        "total ms",
+        "PyG networks ms",
+    ]
+    return _table(header, rows)
+
+
+def moving_scene(result: dict[str, Any]) -> str:
+    """The scene with a moving object under three lights."""
+    rows = []
+    for name, row in result["rows"].items():
+        cells = [f"{row['skill']:.3f}", f"{row['flicker']:.4f}"]
+        for light in ("dark", "normal", "bright"):
+            cells += [f"{row[light]['psnr']:.1f}", f"{row[light]['ssim']:.3f}"]
+        rows.append([name, *cells])
+    lights = [f"{light} {key}" for light in ("dark", "normal", "bright") for key in ("PSNR", "SSIM")]
+    return _table(["method", "skill", "flicker", *lights], rows)
+
+
+def sweep(path: Path) -> str:
+    """The finished sweep, its CSV as a table."""
+    with open(path, newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+
+    def spread(line: dict[str, str], key: str, digits: int) -> str:
+        deviation = f" ± {float(line[f'{key}_std']):.{digits}f}" if line[f"{key}_std"] else ""
+        return f"{float(line[key]):.{digits}f}{deviation}"
+
+    rows = [
+        [
+            *(line["latent"], line["depth"], line["parameters"], f"{float(line['us_per_vertex']):.1f}"),
+            *(spread(line, "relrmse", 3), spread(line, "skill", 2), line["seeds"]),
+        ]
+        for line in lines
+    ]
+    return _table(["latent", "depth", "parameters", "us per vertex", "relrmse", "skill", "seeds"], rows)
+
+
+def page(result: dict[str, Any], scene: dict[str, Any], sweep_file: Path) -> str:
+    """The whole document."""
+    network = "two-stage-long" if "two-stage-long" in _methods(result) else "two-stage"
+    text = (Path(__file__).parent / "results_text.md").read_text(encoding="utf-8")
+    tables = {
+        "SUMMARY": summary(result),
+        "MESHES": per_mesh(result),
+        "VISIBILITY": visibility(result),
+        "COEFFICIENTS": coefficients(result),
+        "LATENCY": latency(result, network),
+        "SCENE": moving_scene(scene),
+        "SWEEP": sweep(sweep_file),
+        "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex.",
+    }
+    for name, table in tables.items():
+        text = text.replace(f"<!-- {name} -->", table)
+    return text
+
+
+def main() -> None:
+    read = lambda name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text())  # noqa: E731
+    made = page(read("neural_gash"), read("scene"), ROOT / "experiments" / "latent_depth" / "results.csv")
+    (ROOT / "docs" / "results.md").write_text(made, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

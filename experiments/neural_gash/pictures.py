@@ -1,0 +1,63 @@
+"""Relit pictures of the variants: `.venv/bin/python experiments/neural_gash/pictures.py --output docs/pictures`.
+
+One picture a mesh, front and back: reference, MLP, two-stage, and what the two-stage network gets wrong. Drawn are two
+meshes that the project generates, and of --meshes those whose pictures may be shown.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from evaluate import load_meshes, load_models
+
+from gash_jax.apps.picture import montage, signed_colors, write_png
+from gash_jax.apps.render import cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.learn import metrics
+from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
+from gash_jax.prt.light import project_light
+from gash_jax.prt.shading import shade
+from gash_jax.prt.studio import studio_light
+
+SHOWN = ("generated 1", "generated 2", "spot", "stanford_bunny")
+FULL = 0.3
+
+
+def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> list[Path]:
+    models, light, written = load_models(runs), project_light(studio_light(), 3), []
+    chosen = [f"{name}-long" if f"{name}-long" in models else name for name in ("mlp", "two-stage")]
+    for name, read in load_meshes(folder, quick).items():
+        if name not in SHOWN:
+            continue
+        mesh = read()
+        truth = make_reference(mesh, rays=256 if quick else REFERENCE_RAYS).coefficients
+        found = {"reference": truth} | {model: models[model].predict(mesh).coefficients for model in chosen}
+        radiance = {method: np.asarray(shade(c, light)) for method, c in found.items()}
+        hits = [cast_view(mesh, view, 64 if quick else 360) for view in ("front", "back")]
+        exposure = exposure_for([shade_view(hit, radiance["reference"]) for hit in hits])
+        panels = []
+        for hit in hits:
+            images = {method: shade_view(hit, values) for method, values in radiance.items()}
+            for method, image in images.items():
+                skill = metrics.skill(found[method], truth, mesh.normals)
+                caption = "reference" if method == "reference" else f"{method}\nskill {skill:.2f}"
+                panels.append((caption, to_srgb(*image, exposure)))
+            wrong = (images[chosen[1]][0] - images["reference"][0]).mean(-1) * exposure
+            panels.append((f"{chosen[1]} - reference\nfull colour at {FULL}", signed_colors(wrong, FULL)))
+        path = output / f"{name.replace(' ', '_')}.png"
+        write_png(path, montage(panels, columns=4))
+        written.append(path)
+    return written
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
+    parser.add_argument("--meshes", type=Path)
+    parser.add_argument("--output", type=Path, required=True)
+    parser.add_argument("--quick", action="store_true")
+    options = parser.parse_args()
+    main(options.runs, options.meshes, options.output, options.quick)

@@ -1,0 +1,71 @@
+"""The comparison of the variants runs in its quick mode, and the results page is made of what it writes."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / "experiments" / "neural_gash"), str(ROOT / "docs")]
+
+import evaluate  # noqa: E402  # pyright: ignore[reportMissingImports]
+import pictures  # noqa: E402  # pyright: ignore[reportMissingImports]
+import results_page  # noqa: E402  # pyright: ignore[reportMissingImports]
+import scene  # noqa: E402  # pyright: ignore[reportMissingImports]
+import variants  # noqa: E402  # pyright: ignore[reportMissingImports]
+
+from gash_jax.learn.model import save_model  # noqa: E402
+from gash_jax.learn.model_graph import model_graph  # noqa: E402
+from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
+from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
+
+SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
+HEADER = (
+    "latent,depth,seeds,parameters,us_per_vertex,relrmse,relrmse_std,skill,skill_std,shadow_mse,shadow_mse_std,steps"
+)
+SWEEP = f"""{HEADER}
+8,1,3,2746,4.75,0.9,0.1,-0.2,0.05,0.02,0.001,100
+16,1,1,8274,8.55,0.8,,0.1,,0.01,,90
+"""
+
+
+def test_every_variant_has_a_config_and_the_same_budget(tmp_path: Path) -> None:
+    configs = {folder.name: make() for folder, make in list(variants.run_configs(tmp_path).items())}
+    assert set(configs) == {*variants.SHORT, *(f"{name}-long" for name in variants.LONG)}
+    short = [config for name, config in configs.items() if not name.endswith("-long")]
+    assert {(c.train.seconds, c.train.clock) for c in short} == {(300.0, "cpu")}
+    assert {c.data.shapes for c in short if c.name != "mlp-deep"} == {64}
+    assert configs["student-gnn"].train.teacher == str(tmp_path / "teacher" / "model.npz")
+
+
+@pytest.mark.slow
+def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluate, "GENERATED", {"generated 1": (11, 4)})
+    options = {"visibility_channels": 8, "visibility_layers": 1, **SMALL}
+    for config in (ModelConfig("mlp", channels=8, layers=1), ModelConfig("two-stage", **options)):  # type: ignore[arg-type]
+        weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)))["params"]
+        (tmp_path / config.name).mkdir()
+        save_model(tmp_path / config.name / "model.npz", config, weights, name=config.name)
+    result = evaluate.main(tmp_path, None, tmp_path / "results.json", quick=True)
+    moving = scene.main(tmp_path, None, tmp_path / "scene.json", quick=True)
+    assert (tmp_path / "results.json").stat().st_size > 1000 and (tmp_path / "scene.json").stat().st_size > 1000
+    (picture,) = pictures.main(tmp_path, None, tmp_path, quick=True)
+    assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
+    (tmp_path / "sweep.csv").write_text(SWEEP)
+    text = results_page.page(result, moving, tmp_path / "sweep.csv")
+    assert "<!--" not in text and "| two-stage + AO |" in text and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
+    (row,) = result["rows"]
+    assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
+    assert f"{row['methods']['local']['skill']:.3f}" in text
+
+
+def test_median_of_equivalent_rays_knows_bounds() -> None:
+    assert results_page._rays(["< 4", 8.25, ">= 512"]) == "8.2"
+    assert results_page._rays(["< 4", "< 4", 16.0]) == "< 4"
+
+
+def test_the_moving_scene_keeps_its_vertices() -> None:
+    first, second = scene.frames(2, 150)
+    assert (first.faces == second.faces).all()
+    moved = (first.vertices != second.vertices).any(axis=1)
+    assert 0.1 < moved.mean() < 0.6
