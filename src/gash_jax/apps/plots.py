@@ -26,10 +26,15 @@ def plot_pareto(rows: Sequence[dict[str, Any]], axes: Sequence[str], path: Path)
     front = pareto_front(np.stack([time, error], -1))
     plot.plot(time[front], error[front], color="C1", zorder=1, label="Pareto front")
     plot.errorbar(time, error, yerr=spread, fmt="o", color="C0", capsize=3, label="run (bar: one deviation over seeds)")
-    for row, x, y in zip(rows, time, error, strict=True):
-        label = " ".join(f"{axis} {row[axis]}" for axis in axes)
-        plot.annotate(label, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7)
+    for turn, index in enumerate(np.argsort(error)):
+        label = " ".join(f"{axis} {rows[index][axis]}" for axis in axes)
+        # neighbours in error would write over each other: by turns above and below
+        place = (4, 4) if turn % 2 else (4, -9)
+        plot.annotate(label, (time[index], error[index]), xytext=place, textcoords="offset points", fontsize=7)
     plot.set(xscale="log", xlabel="inference, us per vertex (graph built before)", ylabel="relrmse, validation shapes")
+    plot.margins(x=0.15)
+    for which in (plot.xaxis.set_major_formatter, plot.xaxis.set_minor_formatter):
+        which(lambda value, _: f"{value:g}")
     plot.legend()
     plot.grid(alpha=0.3)
     figure.savefig(path, dpi=120)
