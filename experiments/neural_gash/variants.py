@@ -10,7 +10,7 @@ SUBSET = ["data.shapes=64", "train.seconds=300", "train.clock=cpu", "train.batch
 ENRICHED = ["data.shapes=432"]
 # the teacher comes before its students
 SHORT = ("mlp", "mlp-deep", "gnn", "teacher", "student-mlp", "student-gnn", "two-stage")
-LONG = {"mlp": 1800, "two-stage": 5400}
+LONG = {"mlp": 900, "two-stage": 5400}
 
 
 def folder_of(runs: Path, name: str, long: bool) -> Path:
