@@ -7,7 +7,12 @@
 
 The file format, every array and every formula are in docs/model_file.md; section names there are the ones used in the
 comments here. Arrays: positions (v, 3), normals (v, 3) of length 1 or 0, faces (f, 3). Nothing is random but the
-neighbours of a "rings" graph, which come from NumPy's PCG64 with a given seed.
+neighbours of a "rings" graph, which come from NumPy's PCG64 with a given seed. Of a `surfels` model,
+
+    coefficients, error = predict_with_error(model, vertices, normals, faces)      # both (v, B*B)
+
+also says how far it expects to be off. Its graph rests on comparisons of floating-point numbers; they are made here in
+the order and the precision of the package, so that both choose alike.
 """
 
 import json
@@ -211,6 +216,179 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
     )
 
 
+# ---------------------------------------------------------------- surfels (section "Surfels")
+
+FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
+SURFACE_BITS, VERTEX_BITS, CURVE_BITS = 9, 12, 30
+BLOCK, NEAR, IMPORTANT, SMALLEST = 16, 8, 0.1, 0.4
+# order of a symmetric matrix: xx, yy, zz, xy, xz, yz
+ROW, COLUMN = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
+
+
+class Tree(NamedTuple):
+    """Leaf i is part `piece[i]` of face `face[i]` (-1: none); parents come before children, level by level."""
+
+    face: np.ndarray
+    piece: np.ndarray
+    first_child: np.ndarray
+    level_sizes: list[int]
+
+
+def triangle_parts(k: int) -> np.ndarray:
+    """Barycentric corners of the k^2 equal parts of a triangle, (k^2, 3, 3)."""
+    parts = [[(i, j), (i + 1, j), (i, j + 1)] for i in range(k) for j in range(k - i)]
+    parts += [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i in range(k) for j in range(k - i - 1)]
+    return np.array([[(k - i - j, i, j) for i, j in part] for part in parts], np.float32) / np.float32(k)
+
+
+PIECES = np.concatenate([triangle_parts(k) for k in range(1, MOST_PARTS + 1)])
+PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
+
+
+def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, lead_bits: int) -> np.ndarray:
+    """Order along a Morton curve through the points' box; after `lead_bits` bits comes the octant of the normal."""
+    local = points @ axes
+    local = local - (local.min(axis=0) + local.max(axis=0)) / 2
+    reach = max(float(np.abs(local).max()), np.finfo(np.float32).tiny)
+    cell = np.clip((local / reach + 1) * 512, 0, 1023).astype(np.int64)
+    code = np.zeros(len(points), np.int64)
+    for bit in range(CURVE_BITS // 3):
+        for i in range(3):
+            code |= ((cell[:, i] >> bit) & 1) << (3 * bit + 2 - i)
+    octant = (normals @ axes > 0) @ np.array([4, 2, 1])
+    low = CURVE_BITS - lead_bits
+    code = ((code >> low) << (low + 3)) | (octant << low) | (code & ((1 << low) - 1))
+    return np.argsort(code, kind="stable").astype(np.int32)
+
+
+def outward_faces(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Each set of corners once, the first one given, turned to where its vertices' normals point."""
+    faces = faces[np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])]
+    mean = normals[faces[:, 0]] + normals[faces[:, 1]] + normals[faces[:, 2]]
+    against = np.einsum("fi,fi->f", area_vectors(vertices, faces).astype(np.float32), mean) < 0
+    return np.where(against[:, None], faces[:, ::-1], faces)
+
+
+def surface_axes(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Principal axes of the surface as columns, each towards its heavier tail."""
+    area = face_areas(points, faces)
+    middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
+    offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
+    _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    local = offsets @ axes
+    return axes * np.where(area @ (local * local * local) < 0, -1, 1)
+
+
+def build_tree(points: np.ndarray, faces: np.ndarray, axes: np.ndarray) -> Tree:
+    """Cut large faces, sort the parts along the curve, and make families of FAN until at most TOP are left."""
+    area = face_areas(points, faces)
+    parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
+    parts = np.clip(parts, 1, MOST_PARTS)
+    face = np.repeat(np.arange(len(faces)), parts**2)
+    first = np.cumsum(parts**2) - parts**2
+    piece = np.arange(len(face)) - np.repeat(first - PIECE_START[parts - 1], parts**2)
+    corners, weights = points[faces], PIECES.mean(axis=1)[piece]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[face]
+    middle = sum(weights[:, i, None] * corners[face, i] for i in range(3))
+    order = curve_order(np.asarray(middle), facing, axes, SURFACE_BITS)
+    sizes = [max(len(order), 1)]
+    while sizes[0] > TOP:
+        sizes.insert(0, -(-sizes[0] // FAN))
+    # every level but the top is padded to whole families
+    padded = [sizes[0], *(FAN * size for size in sizes[:-1])] if len(sizes) > 1 else sizes
+    starts = np.cumsum([0, *padded])
+    first_child = np.full(starts[-1], -1, np.int32)
+    for i, size in enumerate(sizes[:-1]):
+        first_child[starts[i] : starts[i] + size] = starts[i + 1] + FAN * np.arange(size)
+    empty = padded[-1] - len(order)
+    face, piece = np.append(face[order], np.full(empty, -1)), np.append(piece[order], np.zeros(empty, int))
+    return Tree(face, piece, first_child, padded)
+
+
+def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(s + 1, 20): moments of all surfels, and last an empty one."""
+    corner = points[faces[np.maximum(tree.face, 0)]].transpose(1, 2, 0)  # (3 corners, 3, l)
+    weight = PIECES[tree.piece].transpose(1, 2, 0)[:, :, None]
+    p = weight[:, 0] * corner[0] + weight[:, 1] * corner[1] + weight[:, 2] * corner[2]
+    center = (p[0] + p[1] + p[2]) / 3
+    e = p - center
+    real = (tree.face >= 0).astype(np.float32)
+    vector = 0.5 * real * np.cross(e[1] - e[0], e[2] - e[0], axis=0)
+    area = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    products = e[:, ROW] * e[:, COLUMN]
+    level = np.concatenate([center, vector, area[None], (products[0] + products[1] + products[2]) / 12])
+    levels = [level]
+    for size in reversed(tree.level_sizes[:-1]):
+        children = np.ascontiguousarray(level).reshape(13, -1, FAN)
+        total = children[6].sum(-1)
+        share = children[6] / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
+        center = (share * children[:3]).sum(-1)
+        offset = children[:3] - center[:, :, None]
+        spread = (share * (children[7:] + offset[ROW] * offset[COLUMN])).sum(-1)
+        level = np.concatenate([center, children[3:6].sum(-1), total[None], spread])
+        level = np.pad(level, ((0, 0), (0, size - len(total))))
+        levels.insert(0, level)
+    moments = np.concatenate([*levels, np.zeros((13, 1), np.float32)], axis=1)
+    xx, yy, zz, xy, xz, yz = moments[7:]
+    adjugate = [yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy]
+    adjugate += [xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz]
+    size = np.sqrt(np.maximum(xx + yy + zz, 0))
+    return np.stack([*moments[:7], size, *adjugate, *moments[7:]], axis=1)
+
+
+def importance(
+    records: np.ndarray, own: np.ndarray, block: np.ndarray, node: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of pairs of block and surfel; and where the surfel is too small to be opened. `own`: (8, b)."""
+    s = records[node, 7]
+    x, y, z = (records[node, i] - own[i, block] for i in range(3))
+    ax, ay, az, r, sine = own[3:, block]
+    square = x * x + y * y + z * z
+    d = np.sqrt(square)
+    height = ax * x + ay * y + az * z + d * sine + s + 0.3 * r
+    up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
+    found = (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999)
+    return found * (records[node, 6] > 0), s <= SMALLEST * r
+
+
+def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:
+    """Rows of `records` that each block (points, normals: (b, 16, 3)) looks at, most important first."""
+    blocks, middle, axis = len(points), points.mean(axis=1), normals.mean(axis=1)
+    radius = np.sqrt(np.mean(np.sum((points - middle[:, None]) ** 2, axis=-1), axis=1))
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-6)
+    cosine = np.clip(np.mean(normals @ axis[:, :, None], axis=(1, 2)), 0, 1)
+    own = np.array([*middle.T, *axis.T, radius, np.sqrt(1 - cosine**2)], np.float32)
+    block = np.repeat(np.arange(blocks), tree.level_sizes[0])
+    node = np.tile(np.arange(tree.level_sizes[0]), blocks)
+    kept = []
+    while len(block):
+        weight, small = importance(records, own, block, node)
+        opened = (weight > IMPORTANT) & (tree.first_child[node] >= 0) & ~small
+        keep = (weight > 0) & ~opened
+        kept.append((block[keep], node[keep], weight[keep]))
+        block = np.repeat(block[opened], FAN)
+        node = (tree.first_child[node[opened]][:, None] + np.arange(FAN)).reshape(-1)
+    block, node, weight = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    order = np.argsort(block - weight.astype(np.float64), kind="stable")
+    block, node = block[order], node[order]
+    found = np.bincount(block, minlength=blocks)
+    rank = np.arange(len(block)) - np.repeat(np.cumsum(found) - found, found)
+    table = np.full((blocks, count), len(records) - 1)
+    fits = rank < count
+    table[block[fits], rank[fits]] = node[fits]
+    return table
+
+
+def corner_table(faces: np.ndarray, n_vertices: int) -> np.ndarray:
+    """The next corners of a vertex's first NEAR faces, in turn where it has fewer; itself where it has none."""
+    corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    order = np.argsort(corner, kind="stable")
+    found = np.bincount(corner, minlength=n_vertices)
+    place = (np.cumsum(found) - found)[:, None] + np.arange(NEAR) % np.maximum(found, 1)[:, None]
+    table = np.append(following[order], 0)[np.minimum(place, len(order))]
+    return np.where(found[:, None] == 0, np.arange(n_vertices)[:, None], table)
+
+
 # ---------------------------------------------------------------- layers (section "Layers")
 
 
@@ -295,27 +473,156 @@ def local_net(a: dict[str, np.ndarray], edges: np.ndarray, table: np.ndarray, co
     return dense(a, "head", layer_norm(a, "norm", x))
 
 
-def normalised_positions(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """Positions in the unit ball about the box centre of the referenced vertices, the scale, who is referenced."""
+def dot(a: Any, b: Any) -> np.ndarray:
+    """Of vectors given by component."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def quadratic(form: Any, u: Any) -> np.ndarray:
+    """u' S u of S = (xx, yy, zz, xy, xz, yz)."""
+    x, y, z = u
+    mixed = form[3] * x * y + form[4] * x * z + form[5] * y * z
+    return form[0] * x * x + form[1] * y * y + form[2] * z * z + 2 * mixed
+
+
+def twisted_frames(normals: np.ndarray, u: Any, above: np.ndarray, angle: np.ndarray, near: Any) -> np.ndarray:
+    """Frames (b, 16, 3, 3) whose first axis points to where most is hidden."""
+    weight = above + 1e-3 * angle
+    hidden = [(weight * a).sum(-1) + 1e-4 * b.mean(-1) for a, b in zip(u, near, strict=True)]
+    hidden = np.stack(hidden, axis=-1)
+    tangent = hidden - (hidden * normals).sum(-1, keepdims=True) * normals
+    other = orthonormal_frame(normals.reshape(-1, 3)).reshape(*normals.shape, 3)[..., 0]
+    tangent = np.where((tangent * tangent).sum(-1, keepdims=True) > 1e-16, tangent, other)
+    tangent = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
+    return np.stack([tangent, np.cross(normals, tangent), normals], axis=-1)
+
+
+def look(
+    a: dict[str, np.ndarray], surfels: np.ndarray, points: np.ndarray, normals: np.ndarray, near: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pooled features, frames, and how much stands above the tangent plane, for blocks of vertices.
+
+    `surfels` (b, n, 20), `points` and `normals` (b, 16, 3), `near` (b, 16, 8, 6).
+    """
+    record = np.moveaxis(surfels, -1, 0)[:, :, None]  # (20, b, 1, n)
+    own = np.moveaxis(normals, -1, 0)[..., None]
+    offset = record[:3] - np.moveaxis(points, -1, 0)[..., None]
+    square = dot(offset, offset) + np.float32(1e-12)
+    d = np.sqrt(square)
+    u = offset / d
+    vector, area, size = record[3:6], record[6], record[7]
+    projected = 4 * math.pi * np.sqrt(np.maximum(quadratic(record[8:14], u), 0) + np.float32(1e-24))
+    covered = np.minimum(projected, area)
+    angle = covered / (covered + square)
+    height = dot(u, own)
+    above = angle * np.maximum(height, 0)
+    reach = np.minimum(np.sqrt(np.maximum(quadratic(record[14:], own), 0) + np.float32(1e-20)) / d, np.float32(4))
+    corner = np.moveaxis(near, -1, 0)
+    length = np.sqrt(dot(corner, corner) + np.float32(1e-12))
+    v = corner[:3] / length
+    frames = twisted_frames(normals, u, above, angle, v)
+    axes = [[frames[..., i, j, None] for i in range(3)] for j in range(3)]
+
+    x, y = dot(u, axes[0]), dot(u, axes[1])
+    flux = np.clip(-dot(u, vector) / np.maximum(covered, np.float32(1e-20)), -2, 2)
+    facing = [dot(vector, axis) / np.maximum(area, np.float32(1e-20)) for axis in axes]
+    features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
+    features += [np.sqrt(angle), flux, reach, size / (size + d), facing[2], facing[0], facing[1]]
+    features += [np.log(d + 1e-3) * 0.3]
+    h = relu(dense(a, "surfel", np.stack(features, axis=-1)))
+    weights = np.stack([above, angle * np.clip(height + reach, 0, 1)], axis=2)
+    pooled = (weights @ h).reshape(*points.shape[:2], -1)
+
+    x, y, z = (dot(v, axis) for axis in axes)
+    relative = length / (length.mean(-1, keepdims=True) + 1e-9)
+    features = [x, y, z, x * y, y * z, x * z, 0.5 * (x * x - y * y), z * z, *(dot(corner[3:], axis) for axis in axes)]
+    features += [dot(corner[3:], v), relative, np.log(length + 1e-3) * 0.3]
+    g = relu(dense(a, "near", np.stack(features, axis=-1)))
+    total = above.sum(-1)
+    extra = total[..., None], above.max(-1, keepdims=True), np.log(length.mean(-1, keepdims=True) + 1e-3) * 0.3
+    z = np.concatenate([pooled, g.mean(2), g.max(2), *extra], axis=-1)
+    return z, frames, total + np.maximum(dot(v, own), 0).mean(-1)
+
+
+def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """Coefficients and expected error of every vertex, both (v, B*B), after the fallback."""
+    (config, a), bands = model, model.config["bands"]
+    points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
+    faces = outward_faces(vertices, normals, faces)
+    axes = surface_axes(points, faces)
+    tree = build_tree(points, faces, axes)
+    records = surfel_records(tree, points, faces)
+    order = curve_order(points, normals, axes, VERTEX_BITS)
+    blocks = np.append(order, np.repeat(order[-1:], -len(order) % BLOCK)).reshape(-1, BLOCK)
+    corners = corner_table(faces, len(points))
+    coefficients, errors = (np.zeros((len(points), bands * bands), np.float32) for _ in range(2))
+    for start in range(0, len(blocks), 256):  # memory is bounded, and ties are rounded as in the package
+        own = blocks[start : start + 256]
+        place, facing, seen_from = points[own], normals[own], corners[own]
+        near = np.concatenate([points[seen_from] - place[:, :, None], normals[seen_from]], axis=-1)
+        table = sight_table(tree, records, place, facing, config["neighbours"])
+        z, frames, seen = look(a, records[table], place, facing, near)
+        x = relu(dense(a, "mix", z.reshape(own.size, -1)))
+        for i in range(config["layers"]):
+            x = x + relu(dense(a, f"hidden_{i}", x))
+        gate = (seen / (seen + np.float32(0.01))).reshape(-1, 1)
+        residual = rotate_sh(gate * dense(a, "head", x), frames.reshape(-1, 3, 3))
+        doubt = np.clip(dense(a, "error", relu(dense(a, "doubt", x))), -14, 5) + 2 * np.log(gate + np.float32(0.01))
+        # the last block repeats its last vertex, with the same result
+        found = fall_back(residual, doubt, facing.reshape(-1, 3))
+        coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found
+    return [coefficients, errors]
+
+
+def fall_back(residual: np.ndarray, doubt: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drawn to the closed form where that is expected to be better; `doubt`: log mean square errors of both."""
+    bands = doubt.shape[1] // 2
+    own, formula = doubt[:, :bands].astype(np.float64), doubt[:, bands:].astype(np.float64)
+    trust = np.exp(np.minimum(formula - own, 0))
+    error = np.sqrt(trust**2 * np.exp(own) + (1 - trust) ** 2 * np.exp(formula))
+    trust, error = (np.repeat(x, 2 * np.arange(bands) + 1, axis=1) for x in (trust, error))
+    coefficients = closed_form(normals.astype(np.float64), bands) + trust * residual
+    return finished(coefficients, normals), finished(error, normals)
+
+
+def bounding_box(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Centre and half the diagonal of the referenced vertices' box, and who is referenced."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
-    points = vertices.astype(np.float64)
-    low, high = points[used].min(0), points[used].max(0)
-    scale = float(np.linalg.norm(high - low) / 2)
-    positions = (points - (low + high) / 2) / scale
+    points = vertices[used].astype(np.float64)
+    low, high = points.min(0), points.max(0)
+    return (low + high) / 2, float(np.linalg.norm(high - low) / 2), used
+
+
+def normalised_positions(vertices: np.ndarray, faces: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Positions about the box centre in units of `unit` or else half the box's diagonal; who is referenced."""
+    center, half, used = bounding_box(vertices, faces)
+    positions = (vertices.astype(np.float64) - center) / (unit or half)
     corner = np.abs(positions[used]).max(0)
     positions[~used] = np.clip(positions[~used], -corner, corner)
-    return positions.astype(np.float32), scale, used
+    return positions.astype(np.float32), used
+
+
+def area_vectors(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Area times normal of each face, float64."""
+    a, b, c = points.astype(np.float64)[faces].transpose(1, 0, 2)
+    return np.cross(b - a, c - a) / 2
+
+
+def face_areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Area of each face, float64."""
+    vectors = area_vectors(points, faces)
+    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
 
 
 def surface_radius(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Root mean square distance of the surface from its centroid, faces at their own centroids weighted by area."""
-    corners = vertices.astype(np.float64)[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    middle = corners.mean(1)
-    total = area.sum() or 1.0
-    centroid = area @ middle / total
-    return math.sqrt(area @ ((middle - centroid) ** 2).sum(1) / total)
+    center, scale, _ = bounding_box(vertices, faces)
+    middles = ((vertices.astype(np.float64)[faces] - center) / scale).mean(axis=1)
+    areas = face_areas(vertices, faces) / scale**2
+    total = max(areas.sum(), np.finfo(float).tiny)
+    centroid = areas @ middles / total
+    return scale * float(np.sqrt(areas @ np.sum((middles - centroid) ** 2, axis=1) / total))
 
 
 def predict(
@@ -329,8 +636,11 @@ def predict(
     """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told."""
     config, a = model
     normals = np.asarray(normals, np.float32)
-    positions, scale, used = normalised_positions(vertices, faces)
-    motor, name, k = motors(positions, normals), config["name"], config["neighbours"]
+    name, k = config["name"], config["neighbours"]
+    if name == "surfels":
+        return surfel_net(model, vertices, normals, faces)[0]
+    positions, used = normalised_positions(vertices, faces)
+    motor = motors(positions, normals)
     if name == "mlp":
         x = motor
         for i in range(config["layers"]):
@@ -340,6 +650,7 @@ def predict(
     table = rings(points, serving, k, seed) if config["graph"] == "rings" else nearest(points, serving, k)
     if name == "local":
         # lengths in units of the surface itself: the bounding box would not turn with the mesh
+        scale = bounding_box(vertices, faces)[1]
         units = positions * np.float32(scale / (surface_radius(vertices, faces) or scale))
         frames = vertex_frames(units.astype(np.float64), normals.astype(np.float64), table).astype(np.float32)
         edges = edge_features(units, normals, frames, table).astype(np.float32)
@@ -355,6 +666,19 @@ def predict(
     seen = 1 / (1 + np.exp(-visibility_net(a, motor, table, config)))
     inputs = np.concatenate([motor, seen.astype(np.float32)], axis=1)
     return finished(coefficient_net(a, "coefficient/", inputs, table, config), normals)
+
+
+def predict_with_error(
+    model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients and how far they are expected to be off, one number a band, both (v, B*B) float32.
+
+    Raises ValueError for a model other than `surfels`: only that one says so.
+    """
+    if model.config["name"] != "surfels":
+        raise ValueError(f"model {model.config['name']} does not predict its error: only surfels does")
+    coefficients, errors = surfel_net(model, vertices, np.asarray(normals, np.float32), faces)
+    return coefficients, errors
 
 
 def finished(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gash_jax.geometry.mesh_io import load_mesh, read_mesh
     from gash_jax.geometry.npz_io import FileError
     from gash_jax.learn.config import ConfigError, RunConfig, load_config
+    from gash_jax.learn.deforming import deforming_predictor
     from gash_jax.learn.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
@@ -30,6 +31,7 @@ _HOMES = {
     "geometry.mesh_io": ("load_mesh", "read_mesh"),
     "geometry.npz_io": ("FileError",),
     "learn.config": ("ConfigError", "RunConfig", "load_config"),
+    "learn.deforming": ("deforming_predictor",),
     "learn.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
@@ -52,6 +54,7 @@ __all__ = [
     "Transfer",
     "bake_to_error",
     "bake_transfer",
+    "deforming_predictor",
     "load_config",
     "load_light",
     "load_mesh",

@@ -22,10 +22,9 @@ WEIGHTS = str(shipped_models()["local"])
 TINY = """
 name = "tiny"
 [model]
-name = "local"
+name = "surfels"
 channels = 8
 layers = 1
-heads = 2
 [data]
 shapes = 2
 validation_shapes = 1
@@ -53,6 +52,7 @@ def test_train_then_predict_then_continue(
     transfer = load_transfer("p.npz")
     assert transfer.metadata["method"] == "predict" and transfer.metadata["rays_total"] == 0
     assert transfer.standard_error is None and np.isfinite(transfer.coefficients).all()
+    assert transfer.predicted_error is not None and (transfer.predicted_error >= 0).all()
     with pytest.raises(ValueError, match="p.npz is not a bake"):
         gash.main(["compare", "p.npz", "p.npz"], standalone_mode=False)
     gash.main(["info", "run/model.npz"], standalone_mode=False)
@@ -75,15 +75,16 @@ def _tiny_configs(seconds: float) -> dict:
     return {n: replace(load_config(n), model=m, data=data, train=budget) for n, m in models.items()}
 
 
+@pytest.mark.parametrize("options", [[], ["--train", "2"]], ids=["shipped", "trained"])
 def test_demo_writes_its_table_and_its_picture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+    options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "demo_configs", _tiny_configs)
     monkeypatch.setattr(demo, "REFERENCE_RAYS", 256)
     monkeypatch.setattr(evaluating, "PLAIN_RAYS", (8, 16))
     save_mesh("bumpy.ply", bumpy_sphere(10))
-    gash.main(["demo", "-o", "out", "--mesh", "bumpy.ply"], standalone_mode=False)
+    gash.main(["demo", "-o", "out", "--mesh", "bumpy.ply", *options], standalone_mode=False)
     said = capsys.readouterr().out
     for method in ("closed form", "plain bake, 8 rays", "mlp", "two-stage", "local"):
         assert method in said

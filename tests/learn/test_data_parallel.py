@@ -21,9 +21,10 @@ import json, sys
 import jax, numpy as np
 from gash_jax.geometry.primitives import bumpy_sphere
 from gash_jax.learn import train
-from gash_jax.learn.batches import Example, draw_batch
+from gash_jax.learn.batches import Example
 from gash_jax.learn.config import RunConfig, TrainConfig
 from gash_jax.learn.model_graph import model_graph
+from gash_jax.learn.sampling import make_sampler
 from gash_jax.nn.registry import ModelConfig
 
 train.LOG_EVERY, SIZE = 1, 600
@@ -35,7 +36,7 @@ for size in (2, 3, 4, 3, 2, 4, 3):
     seen = (rng.random((len(mesh.vertices), 25)) < 0.7).astype(np.float32)
     examples.append(Example(model_graph(config, mesh), labels, seen))
 run = RunConfig(model=config, train=TrainConfig(steps=6, batch_vertices=SIZE, checkpoint_every=100))
-batch = train._placement(jax.devices())(draw_batch(examples, SIZE, 0, 0, len(jax.devices())))
+batch = train._placement(jax.devices())(make_sampler(config, examples)(SIZE, 0, 0, len(jax.devices())))
 devices = {s.device for s in batch.coefficients.addressable_shards} if len(jax.devices()) > 1 else {0}
 path = train.train_model(run, examples, examples[:1], sys.argv[2])
 lines = [json.loads(line) for line in open(sys.argv[2] + "/metrics.jsonl")]
@@ -48,6 +49,7 @@ NETS = {
         **{"visibility_channels": 8, "visibility_layers": 1},
     },
     "local": {"name": "local", "channels": 8, "layers": 1, "heads": 2},
+    "surfels": {"name": "surfels", "channels": 8, "layers": 1, "neighbours": 16},
 }
 
 

@@ -68,7 +68,7 @@ def test_one_class_counts_alone(visibility: float) -> None:
 
 def test_an_empty_mask_gives_zero_loss_and_gradients() -> None:
     batch = _batch()
-    batch = batch._replace(mask=np.zeros_like(batch.mask))
+    batch = batch._replace(mask=np.zeros_like(batch.mask), weight=np.zeros_like(batch.weight))
     params = random_variables(build_model(TWO_STAGE), model_graph(TWO_STAGE, MESH))["params"]
     for phase in phases(TWO_STAGE):
         loss, gradients = jax.value_and_grad(phase.objective)(params, batch, jax.random.key(0))

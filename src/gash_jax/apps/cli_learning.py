@@ -125,15 +125,14 @@ def evaluate(
 @click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
 @click.option("--light", "light_path", type=PATH, help="Environment map (.hdr, .exr).  [default: a generated studio]")
 @click.option(
-    "--seconds",
+    "--train",
+    "seconds",
     type=click.FloatRange(1.0, 3600.0),
-    default=80.0,
-    show_default=True,
-    help="Training time for each of the two graph networks.",
+    help="Train small networks first, two of them for so many seconds each.  [default: the weights that ship]",
 )
 @quiet_option
-def demo(output: Path, mesh: Path | None, light_path: Path | None, seconds: float, quiet: bool) -> None:
-    """From nothing to a relit prediction: corpus, training, bake, prediction, table and picture."""
+def demo(output: Path, mesh: Path | None, light_path: Path | None, seconds: float | None, quiet: bool) -> None:
+    """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
     from gash_jax.apps.demo import run_demo
 
     run_demo(output, mesh, light_path, seconds, quiet)

@@ -1,7 +1,7 @@
-"""`gash demo`: the whole way of the data on one mesh, from an empty folder to a relit prediction.
+"""`gash demo`: reference bake of a mesh that no network has seen, predictions, one table and one picture.
 
-Corpus -> training (MLP, the paper's two-stage network, `local`) -> reference bake of an unseen mesh -> predictions
--> one table (speed against error) and one picture. Runs are kept in the output folder: a second call continues or
+The networks are those that ship (MLP, the paper's two-stage network, `local`), or with a training time small ones that
+are trained first: corpus, training, everything. Such runs are kept in the output folder: a second call continues or
 reuses them.
 """
 
@@ -82,13 +82,13 @@ def _picture(
     write_png(path, montage(panels, columns=4))
 
 
-def run_demo(output: Path, mesh_path: Path | None, light_path: Path | None, seconds: float, quiet: bool) -> None:
+def run_demo(output: Path, mesh_path: Path | None, light_path: Path | None, seconds: float | None, quiet: bool) -> None:
     """Run everything; writes picture.png, results.json and the runs into `output`."""
     started = time.perf_counter()
     light = load_light(light_path, 3).coefficients if light_path else project_light(studio_light(), 3)
     mesh, lines = (make_shape(*UNSEEN, vertices=(9000, 12000))[1], []) if mesh_path is None else _read(mesh_path)
     output.mkdir(parents=True, exist_ok=True)
-    models = _train_all(output, seconds, quiet)
+    models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}
     name = mesh_path.name if mesh_path else "a generated mesh"
     say(f"{name}: {len(mesh.vertices)} vertices, {len(mesh.faces)} faces, not in the corpus", quiet)
     for line in lines:

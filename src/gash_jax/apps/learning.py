@@ -25,7 +25,7 @@ def predict(mesh_path: Path, output: Path, model_name: str, ambient: bool, up: s
     mesh, health = read_mesh(mesh_path, up)
     transfer = model.predict(mesh)
     if ambient:
-        transfer = transfer._replace(coefficients=ambient_refinement(mesh, transfer.coefficients))
+        transfer = transfer._replace(coefficients=ambient_refinement(mesh, transfer.coefficients), predicted_error=None)
         transfer.metadata["parameters"]["ambient"] = STRENGTH
     transfer.metadata["health"] = health.to_dict()
     save_transfer(output, transfer)

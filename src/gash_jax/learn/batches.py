@@ -30,13 +30,15 @@ class Example(NamedTuple):
 class Batch(NamedTuple):
     """Padded graphs, one a shard, with labels of the same length.
 
-    `mask` is True on real vertices that have a normal. Every array of the graph has the shards as its first axis.
+    `mask` is True on real vertices that have a normal; `weight` is how much they count in the loss, 0 elsewhere. Every
+    array of the graph has the shards as its first axis.
     """
 
     graph: jraph.GraphsTuple
     coefficients: Float[np.ndarray, "s v k"]
     visibility: Float[np.ndarray, "s v n"]
     mask: Bool[np.ndarray, "s v"]
+    weight: Float[np.ndarray, "s v"]
 
 
 def make_examples(items: Sequence[Item], config: ModelConfig, seed: int = 0) -> list[Example]:
@@ -56,7 +58,8 @@ def _pad(examples: Sequence[Example], size: int) -> Batch:
 
     mask = np.asarray(node_mask(graph)) & np.any(np.asarray(graph.nodes["normal"]) != 0, axis=-1)  # type: ignore[index]
     coefficients = padded([example.coefficients for example in examples])
-    return Batch(graph, coefficients, padded([example.visibility for example in examples]), mask)
+    visibility = padded([example.visibility for example in examples])
+    return Batch(graph, coefficients, visibility, mask, mask.astype(np.float32))
 
 
 def _pad_counts(batch: Batch, count: int) -> Batch:
@@ -114,7 +117,7 @@ def draw_batch(examples: Sequence[Example], size: int, seed: int, step: int, sha
     return collate(_spread(chosen, shards) if shards > 1 else [chosen], shard_size(examples, size, shards))
 
 
-def validation_batches(examples: Sequence[Example], size: int) -> list[Batch]:
+def shape_batches(examples: Sequence[Example], size: int) -> list[Batch]:
     """Every validation shape exactly once, in padded batches of one shard that hold at least `size` vertices."""
     size = max([size, *(len(example.coefficients) + 1 for example in examples)])
     batches, group, used = [], [], 0

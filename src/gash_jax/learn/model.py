@@ -11,15 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import jraph
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
+from gash_jax.learn.blocks import predict_blocks
 from gash_jax.learn.config import ConfigError, from_dict
 from gash_jax.learn.model_graph import model_graph
 from gash_jax.nn.registry import ModelConfig, build_model
+from gash_jax.prt.bake import available_cores
 from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = "gash-model", 1
@@ -30,17 +33,24 @@ class Model:
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
         self.config, self.params, self.metadata = config, params, metadata or {}
-        module = build_model(config)
-        self._apply = jax.jit(module.apply)
-        self._logits = jax.jit(partial(module.apply, method="visibility_logits"))
+        self._module = build_model(config)
+        self._apply = jax.jit(self._module.apply)
+        self._logits = jax.jit(partial(self._module.apply, method="visibility_logits"))
 
     def graph(self, mesh: Mesh, seed: int = 0) -> jraph.GraphsTuple:
         """The graph this model wants; `seed` draws the neighbours of a `rings` graph."""
         return model_graph(self.config, mesh, seed)
 
     def __call__(self, graph: jraph.GraphsTuple) -> jax.Array:
-        """Coefficients of every node, "v k"."""
-        return self._apply({"params": self.params}, graph)
+        """Coefficients of every vertex, "v k", in the order of the mesh."""
+        return self.with_error(graph)[0]
+
+    def with_error(self, graph: jraph.GraphsTuple) -> tuple[jax.Array, jax.Array | None]:
+        """Coefficients, and the RMS error expected of each where the network says it (`surfels` does), both "v k"."""
+        if self.config.graph != "surfels":
+            return self._apply({"params": self.params}, graph), None
+        found = predict_blocks(self._module, self.params, graph, self.config.bands, available_cores())
+        return jnp.asarray(found[0]), jnp.asarray(found[1])
 
     def visibility_logits(self, graph: jraph.GraphsTuple) -> jax.Array:
         """What the first net of a two-stage network says of the hemisphere's directions, "v n".
@@ -56,7 +66,7 @@ class Model:
         started = time.perf_counter()
         graph = self.graph(mesh, seed)
         built = time.perf_counter()
-        coefficients = np.asarray(jax.block_until_ready(self(graph)), np.float32)
+        coefficients, error = jax.block_until_ready(self.with_error(graph))
         finished = time.perf_counter()
         usable = np.any(mesh.normals != 0, axis=1)[:, None]
         seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
@@ -64,7 +74,9 @@ class Model:
         # the teacher is told the visibility: one ray a direction
         rays = len(mesh.vertices) * self.config.visibility_directions if self.config.name == "teacher" else 0
         metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
-        return Transfer(np.where(usable, coefficients, np.float32(0)), None, *_mesh_arrays(mesh), metadata)
+        coefficients = np.where(usable, np.asarray(coefficients, np.float32), np.float32(0))
+        predicted = None if error is None else np.where(usable, np.asarray(error, np.float32), np.float32(0))
+        return Transfer(coefficients, None, *_mesh_arrays(mesh), metadata, predicted)
 
 
 def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,9 @@ from jaxtyping import Bool, Float
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.graph.surfel_graph import surfel_graph
 from gash_jax.nn.registry import ModelConfig
+from gash_jax.prt.bake import available_cores
 from gash_jax.prt.hemisphere import hemisphere_visibility
 
 
@@ -21,6 +23,8 @@ def model_graph(
     The teacher (GNN paper, 4.1.1) also reads nodes["visibility"]: the one given, else traced here with one ray for
     each of its directions.
     """
+    if config.graph == "surfels":
+        return surfel_graph(mesh, config.neighbours, available_cores())
     graph = build_graph(mesh, config.graph, config.neighbours, seed)
     if config.name != "teacher":
         return graph

@@ -12,13 +12,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from gash_jax.learn import metrics
 from gash_jax.learn.batches import Batch
-from gash_jax.learn.losses import balanced_bce, squared_error
+from gash_jax.learn.losses import Mask, balanced_bce, masked_mean, squared_error
 from gash_jax.learn.precision import in_half
 from gash_jax.nn.registry import ModelConfig, build_model
+
+DOUBT_SHARE = 1e-4
 
 # (params, batch, dropout key or None) -> output of every vertex
 OutputFn = Callable[[Any, Batch, jax.Array | None], Float[Array, "v m"]]
@@ -44,7 +46,7 @@ class Phase(NamedTuple):
 
     def objective(self, params: Any, batch: Batch, key: jax.Array | None) -> Float[Array, ""]:
         """The loss of a batch."""
-        return self.loss(self.output(params, batch, key), flat(getattr(batch, self.labels)), flat(batch.mask))
+        return self.loss(self.output(params, batch, key), flat(getattr(batch, self.labels)), flat(batch.weight))
 
 
 def flat(array: Array | np.ndarray) -> Array:
@@ -87,12 +89,31 @@ def _visibility_measures(output: np.ndarray, labels: np.ndarray, normals: np.nda
     return metrics.visibility_scores(output > 0, labels > 0.5)
 
 
-def _squared(output: Float[Array, "v k"], labels: Float[Array, "v k"], mask: Bool[Array, "v"]) -> Float[Array, ""]:
+def _squared(output: Float[Array, "v k"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
     return squared_error(prediction=output, target=labels, mask=mask)
 
 
-def _balanced(output: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Bool[Array, "v"]) -> Float[Array, ""]:
+def _balanced(output: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Mask) -> Float[Array, ""]:
     return balanced_bce(logits=output, labels=labels, mask=mask)
+
+
+def _squared_and_doubt(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
+    """MSE of the coefficients, and the likelihood of what `nn.surfel_net` says of its own and the closed form's errors.
+
+    The latter is that of a normal distribution in each band; it moves only the parameters that predict errors, so its
+    share of the sum decides nothing but the size of their gradients.
+    """
+    k = labels.shape[1]
+    bands = round(k**0.5)
+    raw, exact, doubts = output[:, :k], output[:, k : 2 * k], output[:, 2 * k :]
+    likelihood = jnp.zeros((len(labels), 0))
+    for estimate, doubt in ((raw, doubts[:, :bands]), (exact, doubts[:, bands:])):
+        square = jax.lax.stop_gradient((estimate - labels) ** 2)
+        bandwise = [jnp.mean(square[:, band**2 : (band + 1) ** 2], axis=1) for band in range(bands)]
+        term = doubt + jnp.stack(bandwise, axis=1) * jnp.exp(-doubt)
+        likelihood = jnp.concatenate([likelihood, term], axis=1)
+    counted = jnp.asarray(mask > 0, labels.dtype)
+    return squared_error(prediction=raw, target=labels, mask=mask) + DOUBT_SHARE * masked_mean(likelihood, counted)
 
 
 def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
@@ -103,6 +124,10 @@ def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
         output = _output(module, "__call__", half)
         return Phase("coefficients", share, trainable, "coefficients", output, _squared, _coefficient_measures)
 
+    if config.name == "surfels":
+        output = _output(module, "with_error", half)
+        measure = lambda out, labels, normals: _coefficient_measures(out[:, : labels.shape[1]], labels, normals)  # noqa: E731
+        return [Phase("coefficients", 1.0, None, "coefficients", output, _squared_and_doubt, measure)]
     if config.name != "two-stage":
         return [coefficients(1.0, None)]
     logits = _output(module, "visibility_logits", half)

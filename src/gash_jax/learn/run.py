@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gash_jax.learn.batches import collate, make_examples
+from gash_jax.learn.batches import make_examples
 from gash_jax.learn.checkpoint import has_checkpoint, restore_checkpoint
 from gash_jax.learn.config import ConfigError, RunConfig, from_dict
 from gash_jax.learn.corpus import Item, build_corpus, split_indices
 from gash_jax.learn.distil import taught
 from gash_jax.learn.model import load_model
+from gash_jax.learn.sampling import make_sampler
 from gash_jax.learn.train import ReportFn, initial_state, train_model
 
 Progress = Callable[[int, int], None]
@@ -37,6 +38,7 @@ def best_so_far(folder: Path) -> tuple[RunConfig, Any, float]:
         raise ConfigError(f"{folder} is not a run with a checkpoint: start one with gash train")
     config = from_dict(RunConfig, json.loads(saved.read_text()))
     item = build_corpus(config.data, config.model.bands, split_indices(config.data)[0][:1])
-    example = collate([make_examples(item, config.model)], len(item[0].coefficients) + 1)
+    draw = make_sampler(config.model, make_examples(item, config.model))
+    example = draw(len(item[0].coefficients) + 1, 0, 0, 1)
     state = restore_checkpoint(folder, initial_state(config, example))
     return config, state.best, float(state.best_error)

@@ -22,13 +22,14 @@ from flax.training.dynamic_scale import DynamicScale
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array
 
-from gash_jax.learn.batches import Batch, Example, draw_batch, validation_batches
+from gash_jax.learn.batches import Batch, Example
 from gash_jax.learn.checkpoint import has_checkpoint, restore_checkpoint, save_checkpoint
 from gash_jax.learn.config import ConfigError, OptimConfig, RunConfig, TrainConfig
 from gash_jax.learn.metrics_log import MetricsLog
 from gash_jax.learn.model import save_model
 from gash_jax.learn.objectives import Phase, flat, phases
 from gash_jax.learn.precision import computes_in_half, initial_scale, scaled_gradients
+from gash_jax.learn.sampling import Sampler, make_sampler, validation_batches
 from gash_jax.nn.registry import build_model
 from gash_jax.prt.bake import available_cores
 
@@ -149,14 +150,15 @@ def train_model(
     """
     folder = Path(folder)
     _open_folder(folder, config)
-    batches = validation_batches(validation, config.train.batch_vertices)
-    state = initial_state(config, draw_batch(training, config.train.batch_vertices, config.train.seed, 0))
+    batches = validation_batches(config.model, validation, config.train.batch_vertices)
+    draw = make_sampler(config.model, training)
+    state = initial_state(config, draw(config.train.batch_vertices, config.train.seed, 0, 1))
     if has_checkpoint(folder):
         state = restore_checkpoint(folder, state)
     plan = phases(config.model, computes_in_half(config.train.precision))
     with MetricsLog(folder, [phase.name for phase in plan], int(state.phase), int(state.step)) as log:
         while state.phase < len(plan):
-            state = _PhaseRun(config, plan[state.phase], training, batches, folder, log, report).run(state)
+            state = _PhaseRun(config, plan[state.phase], draw, batches, folder, log, report).run(state)
             following = state.phase + 1
             error = state.best_error if following == len(plan) else float("inf")
             fresh = make_optimizer(config.optim).init(state.best)
@@ -179,7 +181,7 @@ class _PhaseRun(NamedTuple):
 
     config: RunConfig
     phase: Phase
-    training: Sequence[Example]
+    draw: Sampler
     batches: Sequence[Batch]
     folder: Path
     log: MetricsLog
@@ -200,7 +202,7 @@ class _PhaseRun(NamedTuple):
         while (fraction := used(state.step)) < 1.0:
             rate = jnp.float32(learning_rate(self.config.optim, fraction))
             seed = train.seed + 1 + state.phase
-            batch = place(draw_batch(self.training, train.batch_vertices, seed, state.step, len(devices)))
+            batch = place(self.draw(train.batch_vertices, seed, state.step, len(devices)))
             step_key = jax.random.fold_in(key, (state.phase << 24) + state.step)
             params, moments, scale, measures = train_step(
                 *(state.params, state.optimizer, state.scale, batch, rate, step_key),

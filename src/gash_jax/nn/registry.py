@@ -1,7 +1,8 @@
 """Which networks there are, what they are made of, and which graph each of them wants.
 
 Every model answers one contract: `build_model(config).apply(variables, graph, deterministic=True)` -> (v, k), with
-k = bands² and the nodes in the order of the mesh's vertices.
+k = bands² and the nodes in the order of the mesh's vertices. Only `surfels` has nodes in the order of its blocks and
+says after its coefficients how far it expects to be off, one number a band; `learn.model.Model` puts both in order.
 """
 
 from dataclasses import asdict, dataclass
@@ -12,9 +13,12 @@ from flax import linen as nn
 from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.nn.local import LocalNet
 from gash_jax.nn.mlp import MLP
+from gash_jax.nn.surfel_net import SurfelNet
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 
-GRAPHS = ("knn", "rings", "none")
+GRAPHS = ("knn", "rings", "surfels", "none")
+# a model that reads what only one kind of graph has
+OWN_GRAPH = {"local": "rings", "surfels": "surfels", "mlp": "none"}
 
 
 class _Defaults(NamedTuple):
@@ -29,6 +33,7 @@ class _Defaults(NamedTuple):
 
 DEFAULTS = {
     "local": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
+    "surfels": _Defaults(channels=32, layers=2, heads=1, neighbours=64, graph="surfels"),
     "two-stage": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "gnn": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "teacher": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
@@ -68,12 +73,11 @@ class ModelConfig:
         self._check_numbers()
         if self.graph not in GRAPHS:
             raise ValueError(f"unknown graph {self.graph!r}: known are {', '.join(GRAPHS)}")
-        if self.name == "local" and self.graph != "rings":
-            raise ValueError(f"model local reads relative edges: its graph is rings, not {self.graph}")
-        if (self.graph == "none") != (self.name == "mlp"):
-            raise ValueError(
-                f"model {self.name} cannot use graph {self.graph}: only mlp takes none, and mlp takes no other"
-            )
+        own = OWN_GRAPH.get(self.name)
+        if own and self.graph != own:
+            raise ValueError(f"model {self.name} cannot use graph {self.graph}: it takes {own} and no other")
+        if not own and self.graph in ("surfels", "none"):
+            raise ValueError(f"model {self.name} cannot use graph {self.graph}: it needs edges between vertices")
         for width in (self.channels, self.visibility_channels):
             if width % self.heads:
                 raise ValueError(f"{width} channels cannot be split into {self.heads} heads: use a multiple")
@@ -102,6 +106,8 @@ def build_model(config: ModelConfig) -> nn.Module:
         return MLP(channels, layers, bands)
     if config.name == "local":
         return LocalNet(channels, layers, heads, bands, neighbours, block)
+    if config.name == "surfels":
+        return SurfelNet(channels, layers, bands, neighbours)
     sees = config.name != "gnn"
     coefficient = CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block, sees)
     if config.name != "two-stage":

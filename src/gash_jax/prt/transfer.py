@@ -26,7 +26,10 @@ CONVENTIONS = (
 
 
 class Transfer(NamedTuple):
-    """Coefficients per vertex of the input file, and the mesh they belong to (all NumPy)."""
+    """Coefficients per vertex of the input file, and the mesh they belong to (all NumPy).
+
+    `standard_error` is that of sampled results; `predicted_error` is the RMS error that a network expects of itself.
+    """
 
     coefficients: Float[np.ndarray, "v k"]
     standard_error: Float[np.ndarray, "v k"] | None
@@ -34,6 +37,7 @@ class Transfer(NamedTuple):
     normals: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
     metadata: dict[str, Any]
+    predicted_error: Float[np.ndarray, "v k"] | None = None
 
     @property
     def bands(self) -> int:
@@ -90,5 +94,5 @@ def load_transfer(path: str | Path) -> Transfer:
         raise FileError(f"{path} is not a transfer file: coefficients {coefficients.shape}, vertices {vertices.shape}")
     if not np.isfinite(coefficients).all():
         raise FileError(f"{path} holds coefficients that are not finite: bake it again")
-    error = arrays.get("standard_error")
-    return Transfer(coefficients, error, vertices, arrays["normals"], arrays["faces"], metadata)
+    sampled, predicted = arrays.get("standard_error"), arrays.get("predicted_error")
+    return Transfer(coefficients, sampled, vertices, arrays["normals"], arrays["faces"], metadata, predicted)

@@ -1,0 +1,119 @@
+"""Which surfels a block of vertices looks at: best-first descent of the surfel tree, cut off at a fixed number.
+
+Vertices are sorted along the same curve as the leaves and taken in blocks of BLOCK, which share one list of `count`
+surfels. A surfel is opened into its children while it is important: large for its distance, with a part that may
+stand above the tangent planes of the block. With s its size, d its distance and r the radius of the block,
+
+    importance = s² / (d² + r² + s²) * clip(height / (d + r), 0, 1)
+    height     = n . offset + d sin(spread of the block's normals) + s + 0.3 r
+
+It is not opened below SMALLEST r: within the block finer surfels would serve some of its vertices only. What cannot be
+above the horizon is dropped, so on a convex body little is left; of the rest the `count` most important stay. All of
+it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from gash_jax.graph.surfels import FAN, VERTEX_BITS, SurfelTree, curve_order
+
+BLOCK = 16
+IMPORTANT = 0.1
+SMALLEST = 0.4
+# blocks per call: their candidates stay in the cache
+CHUNK = 256
+
+
+class Blocks(NamedTuple):
+    """Vertices by block; the last block repeats its last vertex. `table` holds rows of the records, -1: none."""
+
+    vertices: Int[np.ndarray, "b w"]
+    table: Int[np.ndarray, "b n"]
+
+
+def vertex_blocks(
+    positions: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"], axes: Float[np.ndarray, "3 3"]
+) -> Int[np.ndarray, "b w"]:
+    """Vertices in the order of the curve, BLOCK at a time."""
+    order = curve_order(positions, normals, axes, VERTEX_BITS).astype(np.int32)
+    missing = -len(order) % BLOCK
+    return np.concatenate([order, np.repeat(order[-1:], missing)]).reshape(-1, BLOCK)
+
+
+def sight_table(
+    tree: SurfelTree,
+    records: Float[np.ndarray, "s d"],
+    positions: Float[np.ndarray, "b w 3"],
+    normals: Float[np.ndarray, "b w 3"],
+    count: int,
+    workers: int = 1,
+) -> Int[np.ndarray, "b n"]:
+    """Rows of `records` that each block looks at, most important first; the empty last row fills what is left."""
+    columns = [np.ascontiguousarray(records[:, i]) for i in (0, 1, 2, 7)]
+    live = records[:, 6] > 0
+    chunks = [slice(start, start + CHUNK) for start in range(0, len(positions), CHUNK)]
+    work = lambda c: _look(tree, columns, live, positions[c], normals[c], count)  # noqa: E731
+    if workers > 1 and len(chunks) > 1:
+        with ThreadPoolExecutor(workers) as pool:
+            tables = list(pool.map(work, chunks))
+    else:
+        tables = [work(chunk) for chunk in chunks]
+    return np.concatenate(tables)
+
+
+def _look(
+    tree: SurfelTree,
+    columns: list[np.ndarray],
+    live: np.ndarray,
+    positions: np.ndarray,
+    normals: np.ndarray,
+    count: int,
+) -> Int[np.ndarray, "b n"]:
+    blocks = len(positions)
+    middle = positions.mean(axis=1)
+    radius = np.sqrt(np.mean(np.sum((positions - middle[:, None]) ** 2, axis=-1), axis=1))
+    axis = normals.mean(axis=1)
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-6)
+    cosine = np.clip(np.mean(normals @ axis[:, :, None], axis=(1, 2)), 0, 1)
+    sine = np.sqrt(1 - cosine**2)
+    own = [np.ascontiguousarray(a, dtype=np.float32) for a in (*middle.T, *axis.T, radius, sine)]
+    block = np.repeat(np.arange(blocks, dtype=np.int32), tree.level_sizes[0])
+    node = np.tile(np.arange(tree.level_sizes[0], dtype=np.int32), blocks)
+    kept = []
+    while len(block):
+        importance, small = _importance(columns, own, block, node)
+        importance *= live[node]
+        child = tree.first_child[node]
+        opened = (importance > IMPORTANT) & (child >= 0) & ~small
+        keep = (importance > 0) & ~opened
+        kept.append((block[keep], node[keep], importance[keep]))
+        block = np.repeat(block[opened], FAN)
+        node = (child[opened][:, None] + np.arange(FAN, dtype=np.int32)).reshape(-1)
+    block, node, importance = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    order = np.argsort(block - importance.astype(np.float64), kind="stable")
+    block, node = block[order], node[order]
+    found = np.bincount(block, minlength=blocks)
+    rank = np.arange(len(block)) - np.repeat(np.cumsum(found) - found, found)
+    table = np.full((blocks, count), len(live) - 1, np.int32)
+    fits = rank < count
+    table[block[fits], rank[fits]] = node[fits]
+    return table
+
+
+def _importance(
+    columns: list[np.ndarray], own: list[np.ndarray], block: np.ndarray, node: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Importance of every pair, below 1, and whether the surfel is too small to be opened for its block."""
+    x, y, z, s = (np.take(column, node) for column in columns)
+    mx, my, mz, ax, ay, az, r, sine = (np.take(column, block) for column in own)
+    x -= mx
+    y -= my
+    z -= mz
+    square = x * x + y * y + z * z
+    d = np.sqrt(square)
+    height = ax * x + ay * y + az * z + d * sine + s + 0.3 * r
+    up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
+    return (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999), s <= SMALLEST * r

@@ -1,0 +1,127 @@
+"""Mesh -> graph of blocks: what `nn.surfel_net` reads.
+
+    nodes     {"position": (n, 3), "normal": (n, 3), "near": (n, NEAR * 6)}
+    edges     {"surfel": (e, 20)}, see `surfels`
+    senders   (e,) row of the surfel;  receivers (e,) first node of the block that looks at it
+    globals   {"center": (1, 3), "scale": (1,), "slot": (1, v)}
+
+Nodes are the vertices in the order of a space-filling curve, BLOCK at a time, the last one repeated to fill the last
+block: vertex i of the mesh is node slot[i]. The edges of block b are b * count ... (b + 1) * count - 1. "near" holds
+offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where there are fewer. Positions are
+(vertex - center) / scale with the box centre and, as scale, `surface_radius`, which turns with the mesh. All arrays are
+NumPy, float32 or int32.
+
+What depends on the faces alone (tree, blocks, tables) is a `SurfelPlan`; the rest follows from positions and normals,
+with NumPy or under jit, so a mesh that deforms keeps its plan.
+"""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import jraph
+import numpy as np
+from jaxtyping import Float, Int
+
+from gash_jax.geometry.mesh import Mesh, center_and_scale, referenced, vector_areas
+from gash_jax.geometry.topology import first_of_duplicates
+from gash_jax.graph.mesh_graph import surface_radius
+from gash_jax.graph.sight import BLOCK, sight_table, vertex_blocks
+from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
+
+NEAR = 8
+
+
+class SurfelPlan(NamedTuple):
+    """Everything about the graph that positions do not change. `faces`: each once, wound as the normals say."""
+
+    faces: Int[np.ndarray, "f 3"]
+    tree: SurfelTree
+    blocks: Int[np.ndarray, "b w"]
+    corners: Int[np.ndarray, "v m"]
+    table: Int[np.ndarray, "b n"]
+
+
+def outward_faces(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
+    """The faces, each set of corners once, turned so that they face where their vertices' normals do."""
+    faces = mesh.faces
+    faces = faces[first_of_duplicates(faces, len(mesh.vertices)) == np.arange(len(faces))]
+    normals = mesh.normals[faces[:, 0]] + mesh.normals[faces[:, 1]] + mesh.normals[faces[:, 2]]
+    against = np.einsum("fi,fi->f", vector_areas(mesh.vertices, faces).astype(np.float32), normals) < 0
+    return np.where(against[:, None], faces[:, ::-1], faces)
+
+
+def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NEAR) -> Int[np.ndarray, "v m"]:
+    """For every vertex the next corners of its first `count` faces, in turn; the vertex itself where it has none."""
+    corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    order = np.argsort(corner, kind="stable")
+    found = np.bincount(corner, minlength=n_vertices)
+    place = (np.cumsum(found) - found)[:, None] + np.arange(count) % np.maximum(found, 1)[:, None]
+    table = np.append(following[order], 0)[np.minimum(place, len(order))].astype(np.int32)
+    table[found == 0] = np.flatnonzero(found == 0)[:, None]
+    return table
+
+
+def normalised(mesh: Mesh) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "3"], float]:
+    """Positions about the box centre in units of the surface's radius, centre, unit; loose vertices within the box."""
+    center, half = center_and_scale(mesh)
+    unit = surface_radius(mesh) or half
+    positions = ((mesh.vertices.astype(np.float64) - center) / unit).astype(np.float32)
+    loose = ~referenced(mesh)
+    if loose.any() and not loose.all():
+        corner = np.abs(positions[~loose]).max(axis=0)
+        positions[loose] = np.clip(positions[loose], -corner, corner)
+    return positions, center, unit
+
+
+def plan_surfels(
+    mesh: Mesh, positions: Float[np.ndarray, "v 3"], count: int, workers: int = 1
+) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
+    """The plan of a mesh, and the records of its surfels at these positions."""
+    faces = outward_faces(mesh)
+    axes = surface_axes(positions, faces)
+    tree = build_tree(positions, faces, axes)
+    records = surfel_records(tree, positions, faces)
+    blocks = vertex_blocks(positions, mesh.normals, axes)
+    table = sight_table(tree, records, positions[blocks], mesh.normals[blocks], count, workers)
+    return SurfelPlan(faces, tree, blocks, corner_table(faces, len(positions)), table), records
+
+
+def block_arrays(
+    plan: SurfelPlan,
+    records: Float[Any, "s d"],
+    positions: Float[Any, "v 3"],
+    normals: Float[Any, "v 3"],
+    xp: ModuleType = np,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Nodes and edges of the graph; NumPy, or with `xp` = jax.numpy under jit."""
+    nodes = plan.blocks.reshape(-1)
+    place, facing = positions[nodes], normals[nodes]
+    corners = plan.corners[nodes]
+    near = xp.concatenate([positions[corners] - place[:, None], normals[corners]], axis=-1)
+    surfels = records[plan.table.reshape(-1)]
+    return {"position": place, "normal": facing, "near": near.reshape(len(nodes), -1)}, {"surfel": surfels}
+
+
+def surfel_graph(mesh: Mesh, count: int, workers: int = 1) -> jraph.GraphsTuple:
+    """The graph of a mesh in which every block looks at `count` surfels."""
+    positions, center, unit = normalised(mesh)
+    plan, records = plan_surfels(mesh, positions, count, workers)
+    nodes, edges = block_arrays(plan, records, positions, mesh.normals.astype(np.float32))
+    blocks = len(plan.blocks)
+    slot = np.zeros((1, len(positions)), np.int32)
+    # backwards, so that of the repeated last vertex the first node counts
+    slot[0, plan.blocks.reshape(-1)[::-1]] = np.arange(blocks * BLOCK, dtype=np.int32)[::-1]
+    fields: dict[str, Any] = {
+        "nodes": nodes,
+        "edges": edges,
+        "senders": plan.table.reshape(-1),
+        "receivers": np.repeat(np.arange(blocks, dtype=np.int32) * BLOCK, count),
+        "globals": {
+            "center": np.asarray(center, np.float32).reshape(1, 3),
+            "scale": np.full(1, unit, np.float32),
+            "slot": slot,
+        },
+        "n_node": np.array([blocks * BLOCK], np.int32),
+        "n_edge": np.array([blocks * count], np.int32),
+    }
+    return jraph.GraphsTuple(**fields)

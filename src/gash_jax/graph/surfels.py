@@ -1,0 +1,184 @@
+"""The surface as a tree of surfels: what a vertex sees of far geometry, at the resolution that its distance asks for.
+
+A *surfel* stands for a piece of surface by its moments (after Bunnell 2005, who used disks): centroid, area vector,
+area, and the covariance of its points, which says how flat, how long and which way round it is. Leaves are the mesh's
+faces, large ones cut into k² equal parts; they are sorted along a space-filling curve in the surface's own axes, and
+every FAN neighbours on the curve make a parent, up to at most TOP of them. Which leaf lies where is topology; moments
+are functions of the vertices' positions alone, so that a mesh that deforms keeps its tree (`surfel_records`).
+
+A record is 20 numbers: centroid (3), area vector (3, the mean normal times the area), area, size (the root of the
+covariance's trace), covariance adjugate and covariance (6 each, in the order xx, yy, zz, xy, xz, yz). The projected
+area of a flat ellipse with covariance S seen along u is 4 pi sqrt(u' adj(S) u).
+"""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int, UInt
+
+from gash_jax.geometry.mesh import face_areas
+
+FAN = 4
+TOP = 64
+# leaves to aim at where the mesh has fewer faces, and the most parts along an edge
+LEAVES, MOST_PARTS = 8192, 8
+# bits of the curve's code that come before the octant of the normal: two sides of a thin plate part early
+SURFACE_BITS, VERTEX_BITS = 9, 12
+CURVE_BITS = 30
+
+
+class SurfelTree(NamedTuple):
+    """Topology: leaf i is part `piece[i]` of face `face[i]` (-1: none); parents lie before children, level by level."""
+
+    face: Int[np.ndarray, "l"]
+    piece: Int[np.ndarray, "l"]
+    first_child: Int[np.ndarray, "s"]
+    level_sizes: tuple[int, ...]
+
+
+def _parts(k: int) -> Float[np.ndarray, "m 3 3"]:
+    """Barycentric corners of the k² equal parts of a triangle."""
+    point = lambda i, j: (k - i - j, i, j)  # noqa: E731
+    upright = [[point(i, j), point(i + 1, j), point(i, j + 1)] for i in range(k) for j in range(k - i)]
+    turned = [
+        [point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)] for i in range(k) for j in range(k - i) if i + j < k - 1
+    ]
+    return np.array(upright + turned, np.float32) / np.float32(k)
+
+
+PIECES = np.concatenate([_parts(k) for k in range(1, MOST_PARTS + 1)])
+PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
+
+
+def _spread(x: UInt[np.ndarray, "n"]) -> UInt[np.ndarray, "n"]:
+    """Two zero bits between any two of the low 10 bits."""
+    masks = ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249))
+    for shift, mask in masks:
+        x = (x | (x << np.uint32(shift))) & np.uint32(mask)
+    return x
+
+
+def curve_codes(
+    positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], lead_bits: int
+) -> Int[np.ndarray, "n"]:
+    """Morton codes of points in [-1, 1]³, with the octant of the normal after the first `lead_bits` bits."""
+    cell = np.clip((positions + 1) * 512, 0, 1023).astype(np.uint32)
+    x, y, z = (_spread(np.ascontiguousarray(cell[:, i])) for i in range(3))
+    code = ((x << np.uint32(2)) | (y << np.uint32(1)) | z).astype(np.int64)
+    octant = (normals > 0) @ np.array([4, 2, 1])
+    low = CURVE_BITS - lead_bits
+    return ((code >> low) << (low + 3)) | (octant << low) | (code & ((1 << low) - 1))
+
+
+def curve_order(
+    positions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    axes: Float[np.ndarray, "3 3"],
+    lead_bits: int,
+) -> Int[np.ndarray, "n"]:
+    """Order along the curve through the points' box in these axes, which turns with them."""
+    local = positions @ axes
+    local = local - (local.min(axis=0) + local.max(axis=0)) / 2
+    reach = max(float(np.abs(local).max()), np.finfo(np.float32).tiny)
+    return np.argsort(curve_codes(local / reach, normals @ axes, lead_bits), kind="stable")
+
+
+def surface_axes(positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "3 3"]:
+    """Principal axes of the surface as columns, each towards its heavier tail: they turn with the mesh."""
+    points = np.asarray(positions, np.float32)
+    area = face_areas(points, faces).astype(np.float64)
+    middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
+    offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
+    _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    local = offsets @ axes
+    return axes * np.where(area @ (local * local * local) < 0, -1, 1)
+
+
+def build_tree(
+    positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], axes: Float[np.ndarray, "3 3"]
+) -> SurfelTree:
+    """Cut, sort and group the faces. Positions are centred and in units of the surface's radius."""
+    area = np.asarray(face_areas(positions, faces))
+    parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
+    parts = np.clip(parts, 1, MOST_PARTS)
+    face = np.repeat(np.arange(len(faces), dtype=np.int32), parts**2)
+    first = np.cumsum(parts**2) - parts**2
+    piece = (np.arange(len(face)) - np.repeat(first - PIECE_START[parts - 1], parts**2)).astype(np.int32)
+    middle, normal = _leaf_middles(positions, faces, face, piece)
+    order = curve_order(middle, normal, axes, SURFACE_BITS)
+    sizes = [max(len(order), 1)]
+    while sizes[0] > TOP:
+        sizes.insert(0, -(-sizes[0] // FAN))
+    # every level but the top is padded to whole families
+    padded = [sizes[0], *(FAN * size for size in sizes[:-1])] if len(sizes) > 1 else sizes
+    starts = np.cumsum([0, *padded])
+    child = [starts[i + 1] + FAN * np.arange(padded[i]) for i in range(len(padded) - 1)]
+    child = [np.where(np.arange(padded[i]) < sizes[i], c, -1) for i, c in enumerate(child)]
+    first_child = np.concatenate([*child, np.full(padded[-1], -1)]).astype(np.int32)
+    empty = padded[-1] - len(order)
+    face = np.concatenate([face[order], np.full(empty, -1, np.int32)])
+    return SurfelTree(face, np.concatenate([piece[order], np.zeros(empty, np.int32)]), first_child, tuple(padded))
+
+
+def _leaf_middles(
+    positions: np.ndarray, faces: np.ndarray, face: np.ndarray, piece: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.asarray(positions, np.float32)[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    weights = PIECES.mean(axis=1)[piece]
+    middle = sum(weights[:, i, None] * corners[face, i] for i in range(3))
+    return np.asarray(middle), normal[face]
+
+
+def surfel_records(
+    tree: SurfelTree, positions: Float[Any, "v 3"], faces: Int[Any, "f 3"], xp: ModuleType = np
+) -> Float[Any, "s 20"]:
+    """Records of all surfels and, last, of an empty one; NumPy, or with `xp` = jax.numpy under jit.
+
+    Moments of a parent follow from its children's by the parallel-axis theorem, relative to its own centroid, so
+    float32 is enough.
+    """
+    # one contiguous array a component: elementwise passes, no small matrices
+    corner = xp.asarray(positions, np.float32)[faces[np.maximum(tree.face, 0)]]
+    weight, real = PIECES[tree.piece], (tree.face >= 0).astype(np.float32)
+    p = [[sum(weight[:, a, b] * corner[:, b, i] for b in range(3)) for i in range(3)] for a in range(3)]
+    center = [(p[0][i] + p[1][i] + p[2][i]) / 3 for i in range(3)]
+    e = [[p[a][i] - center[i] for i in range(3)] for a in range(3)]
+    u, v = ([e[a][i] - e[0][i] for i in range(3)] for a in (1, 2))
+    cross = [u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] for i in range(3)]
+    vector = [0.5 * real * c for c in cross]
+    area = xp.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    spread = [sum(e[a][i] * e[a][j] for a in range(3)) / 12 for i, j in PAIRS]
+    level = [*center, *vector, area, *spread]
+    levels = [level]
+    for size in reversed(tree.level_sizes[:-1]):
+        level = _parents(level, size, xp)
+        levels.insert(0, level)
+    columns = [xp.concatenate([level[i] for level in levels] + [xp.zeros(1, np.float32)]) for i in range(13)]
+    spread = columns[7:]
+    xx, yy, zz, xy, xz, yz = spread
+    adjugate = [yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy]
+    adjugate += [xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz]
+    size = xp.sqrt(xp.maximum(xx + yy + zz, 0))
+    return xp.stack([*columns[:7], size, *adjugate, *spread], axis=1)
+
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _parents(level: list[Any], size: int, xp: ModuleType) -> list[Any]:
+    """Moments of the first families of FAN as parents, with empty ones up to `size`."""
+    children = [xp.reshape(column, (-1, FAN)) for column in level]
+    area = children[6]
+    total = xp.sum(area, axis=1)
+    share = area / xp.maximum(total, np.finfo(np.float32).tiny)[:, None]
+    center = [xp.sum(share * c, axis=1) for c in children[:3]]
+    offset = [c - m[:, None] for c, m in zip(children[:3], center, strict=True)]
+    spread = [
+        xp.sum(share * (s + offset[i] * offset[j]), axis=1) for s, (i, j) in zip(children[7:], PAIRS, strict=True)
+    ]
+    vector = [xp.sum(c, axis=1) for c in children[3:6]]
+    missing = size - len(total)
+    columns = [*center, *vector, total, *spread]
+    return [xp.concatenate([c, xp.zeros(missing, np.float32)]) for c in columns] if missing else columns

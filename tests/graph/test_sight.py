@@ -1,0 +1,147 @@
+"""What a block looks at: the definition walked by hand, no surfel twice, and nothing that depends on how it is run."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from gash_jax.geometry.mesh import Mesh, transform
+from gash_jax.geometry.primitives import icosphere
+from gash_jax.graph import sight
+from gash_jax.graph.sight import BLOCK, IMPORTANT, SMALLEST, sight_table, vertex_blocks
+from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
+from gash_jax.graph.surfels import FAN
+from tests.helpers.bumpy import bumpy_mesh, random_rotation
+
+COUNT = 64
+
+
+class _Case(NamedTuple):
+    plan: SurfelPlan
+    records: np.ndarray
+    positions: np.ndarray
+    normals: np.ndarray
+
+    def table(self, count: int = COUNT, workers: int = 1) -> np.ndarray:
+        return sight_table(self.plan.tree, self.records, self.positions, self.normals, count, workers)
+
+
+def _case(mesh: Mesh, count: int = COUNT) -> _Case:
+    positions, _, _ = normalised(mesh)
+    plan, records = plan_surfels(mesh, positions, count)
+    return _Case(plan, records, positions[plan.blocks], mesh.normals[plan.blocks])
+
+
+@cache
+def _bumpy() -> _Case:
+    return _case(bumpy_mesh(300))
+
+
+def _importance(record: np.ndarray, positions: np.ndarray, normals: np.ndarray) -> float:
+    """The formula of the module's docstring for one surfel and one block."""
+    middle = positions.mean(0)
+    r = np.sqrt(np.mean(np.sum((positions - middle) ** 2, axis=1)))
+    n = normals.mean(0) / np.linalg.norm(normals.mean(0))
+    sine = np.sqrt(1 - np.clip(np.mean(normals @ n), 0, 1) ** 2)
+    offset, s = record[:3] - middle, record[7]
+    d = np.linalg.norm(offset)
+    height = n @ offset + d * sine + s + 0.3 * r
+    return s**2 / (d**2 + r**2 + s**2) * np.clip(height / (d + r), 0, 1)
+
+
+def _descend(case: _Case, block: int) -> dict[int, float]:
+    """Everything a block would keep if there were room: surfel -> importance."""
+    positions, normals = case.positions[block].astype(np.float64), case.normals[block].astype(np.float64)
+    r = np.sqrt(np.mean(np.sum((positions - positions.mean(0)) ** 2, axis=1)))
+    kept, waiting = {}, list(range(case.plan.tree.level_sizes[0]))
+    while waiting:
+        node = waiting.pop()
+        record, child = case.records[node].astype(np.float64), int(case.plan.tree.first_child[node])
+        importance = _importance(record, positions, normals) if record[6] > 0 else 0.0
+        if importance > IMPORTANT and child >= 0 and record[7] > SMALLEST * r:
+            waiting.extend(range(child, child + FAN))
+        elif importance > 0:
+            kept[node] = importance
+    return kept
+
+
+def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:
+    blocks = vertex_blocks(bumpy.vertices, bumpy.normals, np.eye(3))
+    assert blocks.shape == (-(-300 // BLOCK), BLOCK) and blocks.dtype == np.int32
+    np.testing.assert_array_equal(np.sort(blocks.ravel()[:300]), np.arange(300))
+    np.testing.assert_array_equal(blocks.ravel()[300:], blocks.ravel()[299])
+    # neighbours in space: a block is much smaller than the mesh
+    points = bumpy.vertices[blocks]
+    assert np.median(np.sqrt(points.var(axis=1).sum(-1))) < 0.6 * np.sqrt(bumpy.vertices.var(axis=0).sum())
+
+
+@pytest.mark.parametrize("block", [0, 7, 18])
+def test_a_block_keeps_what_the_definition_says_most_important_first(block: int) -> None:
+    case = _bumpy()
+    empty, row = len(case.records) - 1, case.table()[block]
+    kept = _descend(case, block)
+    assert len(kept) > COUNT and empty not in row
+    found = np.array([kept[int(node)] for node in row])
+    best = np.sort(list(kept.values()))[::-1][:COUNT]
+    np.testing.assert_allclose(0.999 * found, 0.999 * best, rtol=1e-4)
+    assert np.all(np.diff(found) < 1e-6)
+
+
+def test_rows_are_surfels_with_area_or_the_empty_one() -> None:
+    for case, count in ((_bumpy(), COUNT), (_case(icosphere(2)), 256)):
+        table = case.table(count)
+        empty = len(case.records) - 1
+        assert table.dtype == np.int32 and table.shape == (len(case.positions), count)
+        assert table.min() >= 0 and table.max() <= empty
+        assert np.all(case.records[table[table != empty], 6] > 0)
+        # what is empty comes last
+        assert np.all(np.diff((table == empty).astype(int), axis=1) >= 0)
+
+
+def test_no_surfel_is_seen_twice_nor_together_with_its_parts() -> None:
+    case = _bumpy()
+    tree, table = case.plan.tree, case.table(512)
+    parent = np.full(len(tree.first_child) + 1, -1)
+    inner = np.flatnonzero(tree.first_child >= 0)
+    parent[(tree.first_child[inner][:, None] + np.arange(FAN)).ravel()] = np.repeat(inner, FAN)
+    assert len(np.unique(np.searchsorted(np.cumsum(tree.level_sizes), table[0], side="right"))) > 1
+    for row in table:
+        row = row[row < len(case.records) - 1]
+        assert len(np.unique(row)) == len(row)
+        above = parent[row]
+        while np.any(above >= 0):
+            assert not np.isin(above, row).any()
+            above = np.where(above >= 0, parent[above], -1)
+
+
+def test_a_smaller_count_is_the_start_of_a_larger_one() -> None:
+    np.testing.assert_array_equal(_bumpy().table(10), _bumpy().table(100)[:, :10])
+
+
+def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
+    """What is below the horizon is dropped."""
+
+    def seen(case: _Case) -> np.ndarray:
+        """Share of the mesh's area in every block's list."""
+        area = case.records[case.table(1024), 6].sum(axis=1)
+        return area / case.records[: case.plan.tree.level_sizes[0], 6].sum()
+
+    sphere, bumpy = seen(_case(icosphere(3))), seen(_bumpy())
+    assert 0 < np.median(sphere) < 0.5 < 0.8 < np.median(bumpy)
+    assert bumpy.max() < 1 + 1e-5
+
+
+def test_chunks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = _bumpy().table()
+    monkeypatch.setattr(sight, "CHUNK", 4)
+    np.testing.assert_array_equal(_bumpy().table(), whole)
+    np.testing.assert_array_equal(_bumpy().table(workers=2), whole)
+
+
+def test_the_table_does_not_change_when_the_mesh_is_moved() -> None:
+    case = _bumpy()
+    for seed in (1, 2):
+        moved = _case(transform(bumpy_mesh(300), random_rotation(seed), np.array([2.0, -1.0, 3.0]), 40.0))
+        np.testing.assert_array_equal(moved.plan.blocks, case.plan.blocks)
+        np.testing.assert_array_equal(moved.plan.table, case.plan.table)

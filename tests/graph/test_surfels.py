@@ -1,0 +1,211 @@
+"""The surfel tree: moments by hand and from the leaves, every leaf once, the curve's order, motions of the mesh."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gash_jax.geometry.mesh import Mesh, face_areas, transform, vector_areas
+from gash_jax.graph.surfel_graph import normalised
+from gash_jax.graph.surfels import (
+    FAN,
+    MOST_PARTS,
+    PIECE_START,
+    PIECES,
+    TOP,
+    SurfelTree,
+    build_tree,
+    curve_codes,
+    surface_axes,
+    surfel_records,
+)
+from tests.helpers.bumpy import bumpy_mesh, random_rotation
+
+LEAF = SurfelTree(np.zeros(1, np.int32), np.zeros(1, np.int32), np.full(1, -1, np.int32), (1,))
+
+
+@cache
+def _bumpy() -> tuple[np.ndarray, np.ndarray, SurfelTree, np.ndarray]:
+    mesh = bumpy_mesh(300)
+    positions, faces = normalised(mesh)[0], mesh.faces
+    tree = build_tree(positions, faces, surface_axes(positions, faces))
+    return positions, faces, tree, surfel_records(tree, positions, faces)
+
+
+def _starts(tree: SurfelTree) -> np.ndarray:
+    return np.cumsum([0, *tree.level_sizes])
+
+
+def _leaves(tree: SurfelTree, node: int) -> np.ndarray:
+    """Numbers of the leaves below a node."""
+    nodes = np.array([node])
+    while np.any(tree.first_child[nodes] >= 0):
+        first = tree.first_child[nodes]
+        nodes = (first[first >= 0][:, None] + np.arange(FAN)).ravel()
+    return nodes - _starts(tree)[-2]
+
+
+def _matrices(six: np.ndarray) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = np.moveaxis(six, -1, 0)
+    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
+
+
+def test_a_right_triangle_by_hand() -> None:
+    positions = np.array([[1, 1, 5], [3, 1, 5], [1, 4, 5]], np.float32)
+    record = surfel_records(LEAF, positions, np.array([[0, 1, 2]], np.int32))[0]
+    # legs a = 2 and b = 3: variances a²/18 and b²/18, covariance -ab/36
+    xx, yy, xy = 4 / 18, 9 / 18, -6 / 36
+    expected = [5 / 3, 2, 5, 0, 0, 3, 3, np.sqrt(xx + yy), 0, 0, xx * yy - xy * xy, 0, 0, 0, xx, yy, 0, xy, 0, 0]
+    np.testing.assert_allclose(record, expected, atol=1e-6)
+
+
+def test_pieces_of_a_face_are_equal_and_fill_it() -> None:
+    corners = np.array([[0, 0, 0], [3, 0, 1], [1, 2, -1]], np.float64)
+    whole = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    mean_square = (corners.T @ corners + 9 * np.outer(corners.mean(0), corners.mean(0))) / 12
+    assert len(PIECES) == PIECE_START[-1] + MOST_PARTS**2
+    for k, start in enumerate(PIECE_START, 1):
+        parts = PIECES[start : start + k * k] @ corners
+        vectors = np.cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0])
+        np.testing.assert_allclose(vectors, np.broadcast_to(whole / k**2, vectors.shape), atol=1e-5)
+        # the second moments are those of the face only if the parts neither overlap nor leave gaps
+        middles = parts.mean(1)
+        squares = (np.einsum("mvi,mvj->ij", parts, parts) + 9 * middles.T @ middles) / 12
+        np.testing.assert_allclose(squares / k**2, mean_square, atol=1e-5)
+
+
+def test_the_top_level_has_the_area_of_the_mesh() -> None:
+    positions, faces, tree, records = _bumpy()
+    top = records[: tree.level_sizes[0]].astype(np.float64)
+    assert TOP // FAN < tree.level_sizes[0] <= TOP
+    np.testing.assert_allclose(top[:, 6].sum(), face_areas(positions, faces).sum(), rtol=1e-5)
+    # of an open part: the vectors of a closed mesh sum to 0
+    np.testing.assert_allclose(top[:, 3:6].sum(0), 0, atol=1e-5)
+    part = faces[:250]
+    tree = build_tree(positions, part, surface_axes(positions, part))
+    top = surfel_records(tree, positions, part)[: tree.level_sizes[0]].astype(np.float64)
+    np.testing.assert_allclose(top[:, 3:6].sum(0), vector_areas(positions, part).sum(0), atol=1e-5)
+    assert np.linalg.norm(top[:, 3:6].sum(0)) > 0.1
+
+
+def test_moments_of_parents_are_those_of_their_leaves() -> None:
+    positions, faces, tree, records = _bumpy()
+    corners = np.einsum("lab,lbi->lai", PIECES[tree.piece].astype(np.float64), positions[faces[tree.face]])
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(cross, axis=1) / 2 * (tree.face >= 0)
+    middle = corners.mean(1)
+    square = (np.einsum("lai,laj->lij", corners, corners) + 9 * middle[:, :, None] * middle[:, None]) / 12
+    top, starts = tree.level_sizes[0], _starts(tree)
+    for node in [*range(0, top, 7), starts[1] + 5, starts[2] - 2, starts[2] + 100]:
+        leaves = _leaves(tree, node)
+        total = area[leaves].sum()
+        if not total:
+            assert records[node, 6] == 0
+            continue
+        share = area[leaves] / total
+        center = share @ middle[leaves]
+        spread = np.einsum("l,lij->ij", share, square[leaves]) - np.outer(center, center)
+        np.testing.assert_allclose(records[node, 6], total, rtol=1e-5)
+        np.testing.assert_allclose(records[node, :3], center, atol=1e-6)
+        np.testing.assert_allclose(_matrices(records[node, 14:])[0], spread, atol=1e-6)
+        np.testing.assert_allclose(records[node, 7], np.sqrt(np.trace(spread)), rtol=1e-4)
+        adjugate = np.linalg.det(spread) * np.linalg.inv(spread)
+        np.testing.assert_allclose(_matrices(records[node, 8:14])[0], adjugate, atol=1e-6)
+
+
+def test_projected_area_of_a_flat_ellipse() -> None:
+    a, b, count = 2.0, 0.5, FAN**3
+    angle = 2 * np.pi * np.arange(count) / count
+    rim = np.stack([a * np.cos(angle), b * np.sin(angle), 0 * angle], axis=1)
+    positions = np.concatenate([[[0, 0, 0]], rim]).astype(np.float32)
+    i = np.arange(count)
+    faces = np.stack([0 * i, 1 + i, 1 + (i + 1) % count], axis=1).astype(np.int32)
+    child = np.concatenate([1 + FAN * np.arange(1 + FAN + FAN**2), np.full(count, -1)]).astype(np.int32)
+    tree = SurfelTree(i.astype(np.int32), np.zeros(count, np.int32), child, (1, FAN, FAN**2, count))
+    record = surfel_records(tree, positions, faces)[0]
+    adjugate = _matrices(record[8:14])[0]
+    for u in ([0, 0, 1], [0.6, 0, 0.8], [0, -0.8, 0.6], [1, 0, 0]):
+        projected = 4 * np.pi * np.sqrt(max(np.array(u) @ adjugate @ u, 0))
+        np.testing.assert_allclose(projected, np.pi * a * b * u[2], rtol=4e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("count", [4, 40, 300])
+def test_every_leaf_is_once_in_the_tree(count: int) -> None:
+    mesh = bumpy_mesh(count)
+    positions = normalised(mesh)[0]
+    tree = build_tree(positions, mesh.faces, surface_axes(positions, mesh.faces))
+    starts, inner = _starts(tree), np.flatnonzero(tree.first_child >= 0)
+    assert len(tree.first_child) == starts[-1] and len(tree.face) == len(tree.piece) == tree.level_sizes[-1]
+    level = np.searchsorted(starts, inner, side="right") - 1
+    assert np.all(tree.first_child[inner] >= starts[level + 1])
+    assert np.all(tree.first_child[inner] + FAN <= starts[level + 2])
+    found = np.concatenate([_leaves(tree, node) for node in range(tree.level_sizes[0]) if tree.first_child[node] >= 0])
+    np.testing.assert_array_equal(np.sort(found), np.arange(tree.level_sizes[-1]))
+    real = tree.face >= 0
+    pairs = np.unique(np.stack([tree.face, tree.piece])[:, real], axis=1)
+    assert pairs.shape[1] == real.sum()
+    # all parts of one cut, and that of every face
+    k = np.searchsorted(PIECE_START, pairs[1], side="right")
+    for face in range(len(mesh.faces)):
+        cut = k[pairs[0] == face]
+        assert len(cut) == cut[0] ** 2 and np.all(cut == cut[0])
+
+
+def test_jax_gives_the_same_records() -> None:
+    positions, faces, tree, records = _bumpy()
+    assert records.dtype == np.float32 and records.shape == (len(tree.first_child) + 1, 20)
+    traced = jax.jit(lambda p: surfel_records(tree, p, faces, jnp))(positions)
+    assert traced.dtype == jnp.float32
+    np.testing.assert_allclose(traced, records, atol=1e-5)
+
+
+def test_the_last_record_is_empty() -> None:
+    *_, records = _bumpy()
+    np.testing.assert_array_equal(records[-1], 0)
+    assert records[-2, 7] > 0
+
+
+def test_records_turn_and_grow_with_the_mesh(rotation: np.ndarray) -> None:
+    positions, faces, tree, records = _bumpy()
+    scale, shift = 2.5, np.array([0.3, -0.2, 0.1])
+    moved = surfel_records(tree, (scale * positions @ rotation.T + shift).astype(np.float32), faces)[:-1]
+    records = records[:-1][: tree.level_sizes[0]]
+    moved = moved[: tree.level_sizes[0]]
+    real = records[:, 6] > 0
+    records, moved = records[real], moved[real]
+    np.testing.assert_allclose(moved[:, :3], scale * records[:, :3] @ rotation.T + shift, atol=1e-5)
+    np.testing.assert_allclose(moved[:, 3:6], scale**2 * records[:, 3:6] @ rotation.T, atol=1e-5)
+    np.testing.assert_allclose(moved[:, 6:8], records[:, 6:8] * [scale**2, scale], rtol=1e-4)
+    adjugate, spread = (_matrices(records[:, a:b]) for a, b in ((8, 14), (14, 20)))
+    turned = scale**4 * rotation @ adjugate @ rotation.T
+    np.testing.assert_allclose(_matrices(moved[:, 8:14]), turned, atol=1e-5)
+    np.testing.assert_allclose(_matrices(moved[:, 14:]), scale**2 * rotation @ spread @ rotation.T, atol=1e-5)
+
+
+def test_axes_turn_with_the_mesh(bumpy: Mesh) -> None:
+    axes = surface_axes(bumpy.vertices, bumpy.faces)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-6)
+    for seed in range(4):
+        turn = random_rotation(seed)
+        moved = transform(bumpy, turn, np.array([1.0, 2.0, -1.0]), 3.0)
+        np.testing.assert_allclose(surface_axes(moved.vertices, moved.faces), turn @ axes, atol=1e-4)
+
+
+def test_codes_by_hand() -> None:
+    positions = np.array([[0, -1, -1], [-1, 0, -1], [-1, -1, 1], [-1, -1, -0.998]], np.float32)
+    normals = np.array([[1, 0, 0], [-1, 1, 1], [0, 0, 0], [0, 0, 1]], np.float32)
+    # half the range is the first bit of its axis (x before y before z); the octant follows the first 9 bits
+    expected = [(1 << 32) + (4 << 21), (1 << 31) + (3 << 21), 0, (1 << 21) + 1]
+    expected[2] = sum(1 << (3 * bit if bit < 7 else 3 * bit + 3) for bit in range(10))
+    np.testing.assert_array_equal(curve_codes(positions, normals, 9), expected)
+
+
+def test_two_sides_of_a_thin_plate_part_on_the_curve() -> None:
+    low, near, far = [-0.9, -0.9, -0.9], [-0.89, -0.9, -0.9], [0.9, -0.9, -0.9]
+    positions = np.array([low, near, low, near, far], np.float32)
+    normals = np.array([[0, 0, 1], [0, 0, 1], [0, 0, -1], [0, 0, -1], [0, 0, -1]], np.float32)
+    assert np.argsort(curve_codes(positions, normals, 9)).tolist() == [2, 3, 0, 1, 4]
+    # the octant last: place alone decides
+    assert np.argsort(curve_codes(positions, normals, 30)).tolist() == [2, 0, 3, 1, 4]
