@@ -1,10 +1,9 @@
 """Every trained variant on meshes it has never seen, with the paper's tables rebuilt.
 
-    .venv-peers/bin/python experiments/neural_gash/evaluate.py --meshes FOLDER --output FILE.json
+    .venv/bin/python experiments/neural_gash/evaluate.py --meshes FOLDER --output FILE.json
 
-FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates. In an
-environment without PyTorch Geometric its column stays empty. Times are medians of five after a warm-up, graphs built
-before unless said; nothing else should run.
+FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates. Times
+are medians of five after a warm-up, graphs built before unless said. What the stages take: `latency.py`.
 """
 
 import argparse
@@ -16,7 +15,6 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from variants import LONG, SHORT, folder_of
 
@@ -90,22 +88,7 @@ def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[
             predicted = model.predict(mesh).coefficients
             refined, seconds = timed(lambda p=predicted: ambient_refinement(mesh, p))
             rows[f"{name} + AO"] = {**score(refined, mesh, reference), "ambient_us": seconds * per_vertex}
-            rows[name] |= stage_times(model, mesh)
     return rows
-
-
-def stage_times(model: Model, mesh: Mesh) -> dict[str, float | None]:
-    """Microseconds per vertex of stage 1 alone, and of the whole network in PyTorch Geometric (None without it)."""
-    graph, per_vertex = model.graph(mesh), 1e6 / len(mesh.vertices)
-    _, stage1 = timed(lambda: model.visibility_logits(graph))
-    try:
-        import pyg_two_stage  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        return {"stage1_us": stage1 * per_vertex, "pyg_us": None}
-    network = pyg_two_stage.PygTwoStage(model.config, model.params)
-    motor = np.asarray(graph.nodes["motor"])  # type: ignore[index]
-    _, pyg = timed(lambda: pyg_two_stage.predict(network, motor, graph.senders, graph.receivers), 3)
-    return {"stage1_us": stage1 * per_vertex, "pyg_us": pyg * per_vertex}
 
 
 def main(runs: Path, folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:

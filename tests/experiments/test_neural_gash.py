@@ -9,6 +9,7 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "experiments" / "neural_gash"), str(ROOT / "docs")]
 
 import evaluate  # noqa: E402  # pyright: ignore[reportMissingImports]
+import latency  # noqa: E402  # pyright: ignore[reportMissingImports]
 import pictures  # noqa: E402  # pyright: ignore[reportMissingImports]
 import results_page  # noqa: E402  # pyright: ignore[reportMissingImports]
 import scene  # noqa: E402  # pyright: ignore[reportMissingImports]
@@ -49,10 +50,12 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     result = evaluate.main(tmp_path, None, tmp_path / "results.json", quick=True)
     moving = scene.main(tmp_path, None, tmp_path / "scene.json", quick=True)
     assert (tmp_path / "results.json").stat().st_size > 1000 and (tmp_path / "scene.json").stat().st_size > 1000
+    times = latency.main(str(tmp_path / "two-stage" / "model.npz"), None, tmp_path / "latency.json", quick=True)
+    assert all(row["stage1"] > 0 and row["bake"] > 0 for row in times["rows"])
     (picture,) = pictures.main(tmp_path, None, tmp_path, quick=True)
     assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    text = results_page.page(result, moving, tmp_path / "sweep.csv")
+    text = results_page.page(result, times, moving, tmp_path / "sweep.csv")
     assert "<!--" not in text and "| two-stage + AO |" in text and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
@@ -69,3 +72,7 @@ def test_the_moving_scene_keeps_its_vertices() -> None:
     assert (first.faces == second.faces).all()
     moved = (first.vertices != second.vertices).any(axis=1)
     assert 0.1 < moved.mean() < 0.6
+
+
+def test_the_committed_page_is_the_generated_one() -> None:
+    assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == results_page.committed_page()
