@@ -13,7 +13,6 @@ it is relative: nothing changes when the mesh is moved, turned (up to ties) or s
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,13 +24,6 @@ IMPORTANT = 0.1
 SMALLEST = 0.4
 # blocks per call: their candidates stay in the cache
 CHUNK = 256
-
-
-class Blocks(NamedTuple):
-    """Vertices by block; the last block repeats its last vertex. `table` holds rows of the records, -1: none."""
-
-    vertices: Int[np.ndarray, "b w"]
-    table: Int[np.ndarray, "b n"]
 
 
 def vertex_blocks(

@@ -62,7 +62,7 @@ def _quadratic(form: list[Array], u: list[Array]) -> Array:
 
 
 class SurfelNet(nn.Module):
-    """Coefficients from a graph of blocks: see the module docstring and `graph.mesh_graph.surfel_graph`.
+    """Coefficients from a graph of blocks: see the module docstring and `graph.surfel_graph`.
 
     `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers three times as many.
     """
