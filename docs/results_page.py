@@ -1,6 +1,6 @@
 """The results page, made whole from what the experiments wrote: `.venv/bin/python docs/results_page.py`.
 
-Reads docs/results/{neural_gash,latency,scene}.json and experiments/latent_depth/results.csv, writes docs/results.md.
+Reads docs/results/*.json and experiments/latent_depth/results.csv, writes docs/results.md.
 """
 
 import csv
@@ -14,7 +14,9 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(Path(__file__).parent))
 
+import local_tables
 from baking_tables import origin
+from local_tables import table as _table
 
 # the papers' own numbers: Tables 3 and 5 of the GNN paper (vertices, PRT s, network ms)
 PAPER = {
@@ -26,11 +28,6 @@ PAPER = {
     "Anatomy": (33995, 1908.6, 4886.8),
 }
 YARDSTICKS = ("plain bake, 4 rays", "plain bake, 8 rays", "plain bake, 16 rays")
-
-
-def _table(header: list[str], rows: list[list[str]]) -> str:
-    lines = [f"| {' | '.join(header)} |", f"|---{'|--:' * (len(header) - 1)}|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def _median(values: list[Any], digits: int) -> str:
@@ -166,9 +163,16 @@ def sweep(path: Path) -> str:
     return _table(["latent", "depth", "parameters", "us per vertex", "relrmse", "skill", "seeds"], rows)
 
 
-def page(result: dict[str, Any], times: dict[str, Any], scene: dict[str, Any], sweep_file: Path) -> str:
+def renewed(result: dict[str, Any]) -> str:
+    """Where rows come from that were measured after the others."""
+    return "".join(f" `{name}`: {origin(entry)}." for name, entry in result.get("renewed", {}).items())
+
+
+def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     """The whole document."""
     text = (Path(__file__).parent / "results_text.md").read_text(encoding="utf-8")
+    result, times, scene = (results[name] for name in ("neural_gash", "latency", "scene"))
+    trust, speed = results["local_trust"], results["local_speed"]
     tables = {
         "SUMMARY": summary(result),
         "MESHES": per_mesh(result),
@@ -178,18 +182,29 @@ def page(result: dict[str, Any], times: dict[str, Any], scene: dict[str, Any], s
         "SCENE": moving_scene(scene),
         "SWEEP": sweep(sweep_file),
         "TIMES": f"{origin(times)}.",
-        "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex.",
+        "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex."
+        + renewed(result),
+        "EQUIVARIANCE": local_tables.equivariance(trust),
+        "CONVEX": local_tables.convex(trust),
+        "CALIBRATION": local_tables.calibration(trust),
+        "TRUST": f"{origin(trust)}, seed {trust['seed']}; reference {trust['arguments']['rays']} rays per vertex.",
+        "STAGES": local_tables.stages(speed),
+        "SIZES": local_tables.sizes(speed),
+        "MOTIONS": local_tables.motions(speed),
+        "SPEED": f"{origin(speed)}; reference of the motions {speed['arguments']['rays']} rays per vertex.",
     }
     for name, table in tables.items():
         text = text.replace(f"<!-- {name} -->", table)
     return text
 
 
+RESULTS = ("neural_gash", "latency", "scene", "local_trust", "local_speed")
+
+
 def committed_page() -> str:
     """The document of the results that are committed."""
-    read = lambda name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text())  # noqa: E731
-    sweep_file = ROOT / "experiments" / "latent_depth" / "results.csv"
-    return page(read("neural_gash"), read("latency"), read("scene"), sweep_file)
+    results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
+    return page(results, ROOT / "experiments" / "latent_depth" / "results.csv")
 
 
 def main() -> None:

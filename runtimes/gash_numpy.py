@@ -7,7 +7,7 @@
 
 The file format, every array and every formula are in docs/model_file.md; section names there are the ones used in the
 comments here. Arrays: positions (v, 3), normals (v, 3) of length 1 or 0, faces (f, 3). Nothing is random but the
-neighbours of a "rings" graph, which come from NumPy's PCG64 with a given seed. Of a `surfels` model,
+neighbours of a "rings" graph, which come from NumPy's PCG64 with a given seed. Of a `local` model,
 
     coefficients, error = predict_with_error(model, vertices, normals, faces)      # both (v, B*B)
 
@@ -220,7 +220,11 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
 SURFACE_BITS, VERTEX_BITS, CURVE_BITS = 9, 12, 30
-BLOCK, NEAR, IMPORTANT, SMALLEST = 16, 8, 0.1, 0.4
+BLOCK, NEAR, SMALLEST = 16, 8, 0.4
+LADDER = np.array(
+    [0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33, 0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0],
+    np.float32,
+)
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
 ROW, COLUMN = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
 
@@ -345,14 +349,14 @@ def importance(
     ax, ay, az, r, sine = own[3:, block]
     square = x * x + y * y + z * z
     d = np.sqrt(square)
-    height = ax * x + ay * y + az * z + d * sine + s + 0.3 * r
+    height = ax * x + ay * y + az * z + d * sine + 1.5 * s + 0.3 * r
     up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
     found = (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999)
     return found * (records[node, 6] > 0), s <= SMALLEST * r
 
 
 def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:
-    """Rows of `records` that each block (points, normals: (b, 16, 3)) looks at, most important first."""
+    """Rows of `records` that each block (points, normals: (b, 16, 3)) looks at: the finest cut that fits."""
     blocks, middle, axis = len(points), points.mean(axis=1), normals.mean(axis=1)
     radius = np.sqrt(np.mean(np.sum((points - middle[:, None]) ** 2, axis=-1), axis=1))
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-6)
@@ -360,15 +364,25 @@ def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np
     own = np.array([*middle.T, *axis.T, radius, np.sqrt(1 - cosine**2)], np.float32)
     block = np.repeat(np.arange(blocks), tree.level_sizes[0])
     node = np.tile(np.arange(tree.level_sizes[0]), blocks)
-    kept = []
+    below = np.full(len(block), len(LADDER))
+    seen = []
     while len(block):
         weight, small = importance(records, own, block, node)
-        opened = (weight > IMPORTANT) & (tree.first_child[node] >= 0) & ~small
-        keep = (weight > 0) & ~opened
-        kept.append((block[keep], node[keep], weight[keep]))
-        block = np.repeat(block[opened], FAN)
+        # a surfel belongs to the cuts of the steps since <= step < below
+        since = np.searchsorted(LADDER, weight)
+        opened = (since > 0) & (tree.first_child[node] >= 0) & ~small
+        since[~opened] = 0
+        keep = weight > 0
+        seen.append((block[keep], node[keep], weight[keep], since[keep], below[keep]))
+        block, below = np.repeat(block[opened], FAN), np.repeat(np.minimum(since, below)[opened], FAN)
         node = (tree.first_child[node[opened]][:, None] + np.arange(FAN)).reshape(-1)
-    block, node, weight = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    block, node, weight, since, below = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    step = np.full(blocks, len(LADDER) - 1)
+    for k in reversed(range(len(LADDER))):
+        fits = np.bincount(block[(since <= k) & (k < below)], minlength=blocks) <= count
+        step[fits] = k
+    chosen = (since <= step[block]) & (step[block] < below)
+    block, node, weight = block[chosen], node[chosen], weight[chosen]
     order = np.argsort(block - weight.astype(np.float64), kind="stable")
     block, node = block[order], node[order]
     found = np.bincount(block, minlength=blocks)
@@ -497,6 +511,11 @@ def twisted_frames(normals: np.ndarray, u: Any, above: np.ndarray, angle: np.nda
     return np.stack([tangent, np.cross(normals, tangent), normals], axis=-1)
 
 
+def root(distance: np.ndarray) -> np.ndarray:
+    """The fourth root."""
+    return np.sqrt(np.sqrt(np.maximum(distance, np.float32(1e-20))))
+
+
 def look(
     a: dict[str, np.ndarray], surfels: np.ndarray, points: np.ndarray, normals: np.ndarray, near: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -511,7 +530,8 @@ def look(
     d = np.sqrt(square)
     u = offset / d
     vector, area, size = record[3:6], record[6], record[7]
-    projected = 4 * math.pi * np.sqrt(np.maximum(quadratic(record[8:14], u), 0) + np.float32(1e-24))
+    floor = (np.float32(0.01 / (4 * math.pi)) * area) ** 2 + np.float32(1e-36)
+    projected = 4 * math.pi * np.sqrt(np.maximum(quadratic(record[8:14], u), 0) + floor)
     covered = np.minimum(projected, area)
     angle = covered / (covered + square)
     height = dot(u, own)
@@ -524,11 +544,11 @@ def look(
     axes = [[frames[..., i, j, None] for i in range(3)] for j in range(3)]
 
     x, y = dot(u, axes[0]), dot(u, axes[1])
-    flux = np.clip(-dot(u, vector) / np.maximum(covered, np.float32(1e-20)), -2, 2)
-    facing = [dot(vector, axis) / np.maximum(area, np.float32(1e-20)) for axis in axes]
+    flux = np.clip(-dot(u, vector) / np.maximum(covered, np.float32(1e-18)), -2, 2)
+    facing = [dot(vector, axis) / np.maximum(area, np.float32(1e-18)) for axis in axes]
     features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
     features += [np.sqrt(angle), flux, reach, size / (size + d), facing[2], facing[0], facing[1]]
-    features += [np.log(d + 1e-3) * 0.3]
+    features += [root(d)]
     h = relu(dense(a, "surfel", np.stack(features, axis=-1)))
     weights = np.stack([above, angle * np.clip(height + reach, 0, 1)], axis=2)
     pooled = (weights @ h).reshape(*points.shape[:2], -1)
@@ -536,10 +556,10 @@ def look(
     x, y, z = (dot(v, axis) for axis in axes)
     relative = length / (length.mean(-1, keepdims=True) + 1e-9)
     features = [x, y, z, x * y, y * z, x * z, 0.5 * (x * x - y * y), z * z, *(dot(corner[3:], axis) for axis in axes)]
-    features += [dot(corner[3:], v), relative, np.log(length + 1e-3) * 0.3]
+    features += [dot(corner[3:], v), relative, root(length)]
     g = relu(dense(a, "near", np.stack(features, axis=-1)))
     total = above.sum(-1)
-    extra = total[..., None], above.max(-1, keepdims=True), np.log(length.mean(-1, keepdims=True) + 1e-3) * 0.3
+    extra = total[..., None], above.max(-1, keepdims=True), root(length.mean(-1, keepdims=True))
     z = np.concatenate([pooled, g.mean(2), g.max(2), *extra], axis=-1)
     return z, frames, total + np.maximum(dot(v, own), 0).mean(-1)
 
@@ -567,7 +587,8 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
             x = x + relu(dense(a, f"hidden_{i}", x))
         gate = (seen / (seen + np.float32(0.01))).reshape(-1, 1)
         residual = rotate_sh(gate * dense(a, "head", x), frames.reshape(-1, 3, 3))
-        doubt = np.clip(dense(a, "error", relu(dense(a, "doubt", x))), -14, 5) + 2 * np.log(gate + np.float32(0.01))
+        doubt = dense(a, "error", np.tanh(dense(a, "doubt", x)))
+        doubt = -14 + 13 / (1 + np.exp(-doubt)) + 2 * np.log(gate + np.float32(0.01))
         # the last block repeats its last vertex, with the same result
         found = fall_back(residual, doubt, facing.reshape(-1, 3))
         coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found
@@ -637,7 +658,7 @@ def predict(
     config, a = model
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config["neighbours"]
-    if name == "surfels":
+    if name == "local":
         return surfel_net(model, vertices, normals, faces)[0]
     positions, used = normalised_positions(vertices, faces)
     motor = motors(positions, normals)
@@ -648,7 +669,7 @@ def predict(
         return finished(dense(a, "head", x), normals)
     points, serving = vertices.astype(np.float64), np.flatnonzero(used)
     table = rings(points, serving, k, seed) if config["graph"] == "rings" else nearest(points, serving, k)
-    if name == "local":
+    if name == "rings":
         # lengths in units of the surface itself: the bounding box would not turn with the mesh
         scale = bounding_box(vertices, faces)[1]
         units = positions * np.float32(scale / (surface_radius(vertices, faces) or scale))
@@ -673,9 +694,9 @@ def predict_with_error(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients and how far they are expected to be off, one number a band, both (v, B*B) float32.
 
-    Raises ValueError for a model other than `surfels`: only that one says so.
+    Raises ValueError for a model other than `local`: only that one says so.
     """
-    if model.config["name"] != "surfels":
+    if model.config["name"] != "local":
         raise ValueError(f"model {model.config['name']} does not predict its error: only surfels does")
     coefficients, errors = surfel_net(model, vertices, np.asarray(normals, np.float32), faces)
     return coefficients, errors

@@ -1,6 +1,6 @@
 """Relit pictures of the variants: `.venv/bin/python experiments/neural_gash/pictures.py --output docs/pictures`.
 
-One picture a mesh, front and back: reference, MLP, two-stage, and what the two-stage network gets wrong. Drawn are two
+One picture a mesh, front and back: reference, MLP, two-stage, `local`, and what the last two get wrong. Drawn are two
 meshes that the project generates, and of --meshes those whose pictures may be shown.
 """
 
@@ -28,7 +28,7 @@ FULL = 0.3
 
 def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> list[Path]:
     models, light, written = load_models(runs), project_light(studio_light(), 3), []
-    chosen = [f"{name}-long" if f"{name}-long" in models else name for name in ("mlp", "two-stage")]
+    chosen = [f"{name}-long" if f"{name}-long" in models else name for name in ("mlp", "two-stage")] + ["local"]
     for name, read in load_meshes(folder, quick).items():
         if name not in SHOWN:
             continue
@@ -45,10 +45,11 @@ def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> list[Pat
                 skill = metrics.skill(found[method], truth, mesh.normals)
                 caption = "reference" if method == "reference" else f"{method}\nskill {skill:.2f}"
                 panels.append((caption, to_srgb(*image, exposure)))
-            wrong = (images[chosen[1]][0] - images["reference"][0]).mean(-1) * exposure
-            panels.append((f"{chosen[1]} - reference\nfull colour at {FULL}", signed_colors(wrong, FULL)))
+            for method in chosen[1:]:
+                wrong = (images[method][0] - images["reference"][0]).mean(-1) * exposure
+                panels.append((f"{method} - reference\nfull colour at {FULL}", signed_colors(wrong, FULL)))
         path = output / f"{name.replace(' ', '_')}.png"
-        write_png(path, montage(panels, columns=4))
+        write_png(path, montage(panels, columns=6))
         written.append(path)
     return written
 

@@ -22,7 +22,7 @@ WEIGHTS = str(shipped_models()["local"])
 TINY = """
 name = "tiny"
 [model]
-name = "surfels"
+name = "local"
 channels = 8
 layers = 1
 [data]
@@ -70,7 +70,7 @@ def _tiny_configs(seconds: float) -> dict:
         "two-stage": ModelConfig(
             name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
         ),
-        "local": ModelConfig(name="local", channels=8, layers=1, heads=2),
+        "local": ModelConfig(name="local", channels=8, layers=1),
     }
     return {n: replace(load_config(n), model=m, data=data, train=budget) for n, m in models.items()}
 

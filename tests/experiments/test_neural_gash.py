@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / "experiments" / "neural_gash"), str(ROOT / "docs")]
+sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/neural_gash", "experiments/local", "docs")]
 
 import evaluate  # noqa: E402  # pyright: ignore[reportMissingImports]
 import latency  # noqa: E402  # pyright: ignore[reportMissingImports]
+import model_cards  # noqa: E402  # pyright: ignore[reportMissingImports]
 import pictures  # noqa: E402  # pyright: ignore[reportMissingImports]
 import results_page  # noqa: E402  # pyright: ignore[reportMissingImports]
 import scene  # noqa: E402  # pyright: ignore[reportMissingImports]
+import speed  # noqa: E402  # pyright: ignore[reportMissingImports]
+import trust  # noqa: E402  # pyright: ignore[reportMissingImports]
 import variants  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 from gash_jax.learn.model import save_model  # noqa: E402
@@ -55,7 +58,14 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     (picture,) = pictures.main(tmp_path, None, tmp_path, quick=True)
     assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
     (tmp_path / "sweep.csv").write_text(SWEEP)
-    text = results_page.page(result, times, moving, tmp_path / "sweep.csv")
+    trusted = trust.main("local", None, tmp_path / "trust.json", quick=True)
+    assert all(row["same_max"] < 1e-4 and row["rebuilt_rms"] < 5e-3 for row in trusted["equivariance"])
+    assert all(row["rotor"]["moved"] < 1e-4 < 0.1 < row["rotor"]["turned"] for row in trusted["equivariance"])
+    assert all(difference < 1e-4 for difference in trusted["convex"].values())
+    fast = speed.main("local", None, None, tmp_path / "speed.json", quick=True)
+    assert all(row["network"] > 0 for row in fast["rows"]) and fast["sizes"][0]["vertices"] == 10242
+    results = {"neural_gash": result, "latency": times, "scene": moving, "local_trust": trusted, "local_speed": fast}
+    text = results_page.page(results, tmp_path / "sweep.csv")
     assert "<!--" not in text and "| two-stage + AO |" in text and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
@@ -76,3 +86,9 @@ def test_the_moving_scene_keeps_its_vertices() -> None:
 
 def test_the_committed_page_is_the_generated_one() -> None:
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == results_page.committed_page()
+
+
+def test_the_committed_model_cards_are_the_generated_ones() -> None:
+    text = (ROOT / "docs" / "model_cards.md").read_text(encoding="utf-8")
+    assert text == model_cards.committed_cards()
+    assert all(f"## `{name}`" in text for name in ("local", "mlp", "two-stage"))

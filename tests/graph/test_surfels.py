@@ -26,11 +26,19 @@ from tests.helpers.bumpy import bumpy_mesh, random_rotation
 LEAF = SurfelTree(np.zeros(1, np.int32), np.zeros(1, np.int32), np.full(1, -1, np.int32), (1,))
 
 
+def _axes(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    return surface_axes(positions, faces, face_areas(positions, faces))
+
+
+def _tree(positions: np.ndarray, faces: np.ndarray) -> SurfelTree:
+    return build_tree(positions, faces, face_areas(positions, faces), _axes(positions, faces))
+
+
 @cache
 def _bumpy() -> tuple[np.ndarray, np.ndarray, SurfelTree, np.ndarray]:
     mesh = bumpy_mesh(300)
     positions, faces = normalised(mesh)[0], mesh.faces
-    tree = build_tree(positions, faces, surface_axes(positions, faces))
+    tree = _tree(positions, faces)
     return positions, faces, tree, surfel_records(tree, positions, faces)
 
 
@@ -84,7 +92,7 @@ def test_the_top_level_has_the_area_of_the_mesh() -> None:
     # of an open part: the vectors of a closed mesh sum to 0
     np.testing.assert_allclose(top[:, 3:6].sum(0), 0, atol=1e-5)
     part = faces[:250]
-    tree = build_tree(positions, part, surface_axes(positions, part))
+    tree = _tree(positions, part)
     top = surfel_records(tree, positions, part)[: tree.level_sizes[0]].astype(np.float64)
     np.testing.assert_allclose(top[:, 3:6].sum(0), vector_areas(positions, part).sum(0), atol=1e-5)
     assert np.linalg.norm(top[:, 3:6].sum(0)) > 0.1
@@ -135,7 +143,7 @@ def test_projected_area_of_a_flat_ellipse() -> None:
 def test_every_leaf_is_once_in_the_tree(count: int) -> None:
     mesh = bumpy_mesh(count)
     positions = normalised(mesh)[0]
-    tree = build_tree(positions, mesh.faces, surface_axes(positions, mesh.faces))
+    tree = _tree(positions, mesh.faces)
     starts, inner = _starts(tree), np.flatnonzero(tree.first_child >= 0)
     assert len(tree.first_child) == starts[-1] and len(tree.face) == len(tree.piece) == tree.level_sizes[-1]
     level = np.searchsorted(starts, inner, side="right") - 1
@@ -185,12 +193,12 @@ def test_records_turn_and_grow_with_the_mesh(rotation: np.ndarray) -> None:
 
 
 def test_axes_turn_with_the_mesh(bumpy: Mesh) -> None:
-    axes = surface_axes(bumpy.vertices, bumpy.faces)
+    axes = _axes(bumpy.vertices, bumpy.faces)
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-6)
     for seed in range(4):
         turn = random_rotation(seed)
         moved = transform(bumpy, turn, np.array([1.0, 2.0, -1.0]), 3.0)
-        np.testing.assert_allclose(surface_axes(moved.vertices, moved.faces), turn @ axes, atol=1e-4)
+        np.testing.assert_allclose(_axes(moved.vertices, moved.faces), turn @ axes, atol=1e-4)
 
 
 def test_codes_by_hand() -> None:

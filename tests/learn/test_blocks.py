@@ -16,7 +16,7 @@ from gash_jax.nn.surfel_net import BLOCK, by_band
 from gash_jax.prt.transfer import unshadowed_transfer
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
-CONFIG = ModelConfig("surfels", channels=8, layers=1, neighbours=12)
+CONFIG = ModelConfig("local", channels=8, layers=1, neighbours=12)
 
 
 def _mesh(count: int, seed: int) -> Mesh:

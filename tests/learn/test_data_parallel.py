@@ -48,8 +48,8 @@ NETS = {
         **{"name": "two-stage", "channels": 8, "layers": 1, "heads": 2, "neighbours": 6, "dropout": 0.0},
         **{"visibility_channels": 8, "visibility_layers": 1},
     },
-    "local": {"name": "local", "channels": 8, "layers": 1, "heads": 2},
-    "surfels": {"name": "surfels", "channels": 8, "layers": 1, "neighbours": 16},
+    "rings": {"name": "rings", "channels": 8, "layers": 1, "heads": 2},
+    "local": {"name": "local", "channels": 8, "layers": 1, "neighbours": 16},
 }
 
 

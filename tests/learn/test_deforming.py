@@ -14,7 +14,7 @@ from gash_jax.nn.registry import ModelConfig, build_model
 from tests.helpers.bumpy import random_variables
 
 MESH = bumpy_sphere(9)
-CONFIG = ModelConfig("surfels", channels=8, layers=1, neighbours=24)
+CONFIG = ModelConfig("local", channels=8, layers=1, neighbours=24)
 
 
 @pytest.fixture(scope="module")
@@ -61,5 +61,5 @@ def test_it_compiles_once(model: Model, caplog: pytest.LogCaptureFixture) -> Non
 
 def test_only_surfels_has_such_a_path() -> None:
     config = ModelConfig("mlp", channels=8, layers=1)
-    with pytest.raises(ValueError, match="use surfels"):
+    with pytest.raises(ValueError, match="use local"):
         deforming_predictor(Model(config, {}), MESH)

@@ -115,10 +115,10 @@ def test_fully_masked_neighbours(layer: Any, path: str) -> None:
     assert _finite(gradients)
 
 
-@pytest.mark.parametrize("name", ["two-stage", "local"])
+@pytest.mark.parametrize("name", ["two-stage", "rings"])
 def test_constant_features_in_layer_norm(name: str) -> None:
     """All vertices and all channels the same: the variance is 0."""
-    config = TWO_STAGE if name == "two-stage" else ModelConfig("local", channels=8, layers=1, heads=2)
+    config = TWO_STAGE if name == "two-stage" else ModelConfig("rings", channels=8, layers=1, heads=2)
     batch, phase = _batch(config=config), phases(config)[0]
     params = random_variables(build_model(config), model_graph(config, MESH))["params"]
     params = jax.tree.map(jnp.zeros_like, params)
@@ -144,7 +144,7 @@ def test_gradients_of_zero_length_edges() -> None:
     assert _finite(jax.grad(value, argnums=(0, 1, 2))(offsets, normals, frames))
 
 
-@pytest.mark.parametrize("config", [TWO_STAGE, ModelConfig("local", channels=8, layers=1, heads=2)], ids=["2", "local"])
+@pytest.mark.parametrize("config", [TWO_STAGE, ModelConfig("rings", channels=8, layers=1, heads=2)], ids=["2", "rings"])
 def test_training_on_the_pole_and_on_coincident_vertices(config: ModelConfig) -> None:
     vertices, normals = MESH.vertices.copy(), MESH.normals.copy()
     vertices[1], normals[:2] = vertices[0], [[0, -1, 0], [0, -1, 0]]

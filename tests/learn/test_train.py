@@ -27,8 +27,8 @@ MODELS = {
     "two-stage": ModelConfig(
         name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
     ),
-    "local": ModelConfig(name="local", channels=8, layers=1, heads=2, neighbours=32),
-    "surfels": ModelConfig(name="surfels", channels=8, layers=1, neighbours=32),
+    "rings": ModelConfig(name="rings", channels=8, layers=1, heads=2, neighbours=32),
+    "local": ModelConfig(name="local", channels=8, layers=1, neighbours=32),
 }
 
 
@@ -79,7 +79,7 @@ def test_every_model_learns_and_its_file_predicts(
     assert predicted.coefficients.shape[1] == 9 and np.isfinite(predicted.coefficients).all()
 
 
-@pytest.mark.parametrize("name", ["local", "two-stage", "surfels"])
+@pytest.mark.parametrize("name", ["rings", "two-stage", "local"])
 def test_an_interrupted_run_ends_as_the_whole_one_bit_for_bit(
     items, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,13 +15,13 @@ from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
 from gash_jax.nn.registry import ModelConfig, build_model
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
-NAMES = ("mlp", "two-stage", "local")
+NAMES = ("mlp", "two-stage", "rings")
 SMALL = {
     "mlp": ModelConfig("mlp", channels=64, layers=2),
     "two-stage": ModelConfig(
         "two-stage", channels=16, layers=1, heads=2, neighbours=6, visibility_channels=16, visibility_layers=1
     ),
-    "local": ModelConfig("local", channels=16, layers=1, heads=2),
+    "rings": ModelConfig("rings", channels=16, layers=1, heads=2),
 }
 
 
@@ -104,7 +104,7 @@ def test_overfits_one_tiny_problem_with_finite_gradients(name: str) -> None:
     assert values[-1] < 0.1 * np.mean(target**2)
 
 
-@pytest.mark.parametrize("name", ["two-stage", "local"])
+@pytest.mark.parametrize("name", ["two-stage", "rings"])
 def test_a_graph_with_another_number_of_neighbours_is_refused(name: str) -> None:
     _, apply, variables = _model(name)
     graph = with_relative_edges(build_graph(bumpy_mesh(40), "knn", 5), bumpy_mesh(40))

@@ -19,15 +19,15 @@ def test_every_model_answers_the_contract(name: str, bands: int) -> None:
     variables = jax.eval_shape(module.init, jax.random.key(0), graph)
     out = jax.eval_shape(lambda v: module.apply(v, graph, deterministic=True), variables)
     # surfels: its nodes fill two blocks of 16, and it says how far off it expects to be in every band
-    expected = (32, bands * bands + bands) if name == "surfels" else (20, bands * bands)
+    expected = (32, bands * bands + bands) if name == "local" else (20, bands * bands)
     assert out.shape == expected  # type: ignore[union-attr]
 
 
 def test_defaults_are_resolved_at_once() -> None:
     config = ModelConfig("two-stage")
     assert (config.channels, config.layers, config.heads, config.neighbours, config.graph) == (96, 5, 4, 16, "knn")
-    assert ModelConfig().name == "local" and ModelConfig().graph == "rings" and ModelConfig("mlp").graph == "none"
-    assert ModelConfig("surfels").graph == "surfels" and ModelConfig("surfels").neighbours == 64
+    assert ModelConfig().name == "local" and ModelConfig().graph == "surfels" and ModelConfig("mlp").graph == "none"
+    assert ModelConfig("rings").graph == "rings" and ModelConfig("rings").neighbours == 32
     assert ModelConfig("two-stage", graph="rings", neighbours=32).graph == "rings"
     assert ModelConfig("local", channels=16, layers=1).channels == 16
 
@@ -42,7 +42,7 @@ def test_round_trip(name: str) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"name": "unet"}, "known are local, surfels, two-stage, gnn, teacher, mlp"),
+        ({"name": "unet"}, "known are rings, local, two-stage, gnn, teacher, mlp"),
         ({"bands": 0}, "bands = 0"),
         ({"bands": 11}, "bands = 11"),
         ({"layers": -1}, "layers = -1"),
@@ -50,8 +50,8 @@ def test_round_trip(name: str) -> None:
         ({"name": "two-stage", "heads": 6}, "64 channels"),
         ({"dropout": 1.0}, "dropout"),
         ({"graph": "ring"}, "known are knn, rings, surfels, none"),
-        ({"graph": "knn"}, "cannot use graph knn: it takes rings and no other"),
-        ({"name": "surfels", "graph": "rings"}, "it takes surfels and no other"),
+        ({"name": "rings", "graph": "knn"}, "cannot use graph knn: it takes rings and no other"),
+        ({"name": "local", "graph": "rings"}, "it takes surfels and no other"),
         ({"name": "two-stage", "graph": "none"}, "cannot use graph none: it needs edges"),
         ({"name": "gnn", "graph": "surfels"}, "cannot use graph surfels: it needs edges"),
         ({"name": "mlp", "graph": "knn"}, "cannot use graph knn: it takes none and no other"),

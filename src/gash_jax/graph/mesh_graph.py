@@ -56,11 +56,13 @@ def surface_radius(mesh: Mesh) -> float:
     how finely each part is triangulated.
     """
     center, scale = center_and_scale(mesh)
-    middles = ((mesh.vertices.astype(np.float64)[mesh.faces] - center) / scale).mean(axis=1)
-    areas = face_areas(mesh.vertices, mesh.faces) / scale**2
+    points = (mesh.vertices.astype(np.float64) - center) / scale
+    areas = face_areas(points, mesh.faces)
     total = max(areas.sum(), np.finfo(float).tiny)
-    centroid = areas @ middles / total
-    return scale * float(np.sqrt(areas @ np.sum((middles - centroid) ** 2, axis=1) / total))
+    first, second, third = (np.take(points, mesh.faces[:, i], axis=0) for i in range(3))
+    middles = (first + second + third) / 3
+    middles -= areas @ middles / total
+    return scale * float(np.sqrt(areas @ np.einsum("fi,fi->f", middles, middles) / total))
 
 
 def with_relative_edges(graph: Graph, mesh: Mesh) -> Graph:

@@ -1,15 +1,16 @@
-"""Which surfels a block of vertices looks at: best-first descent of the surfel tree, cut off at a fixed number.
+"""Which surfels a block of vertices looks at: a cut through the surfel tree, as fine as a fixed number allows.
 
 Vertices are sorted along the same curve as the leaves and taken in blocks of BLOCK, which share one list of `count`
 surfels. A surfel is opened into its children while it is important: large for its distance, with a part that may
 stand above the tangent planes of the block. With s its size, d its distance and r the radius of the block,
 
     importance = s² / (d² + r² + s²) * clip(height / (d + r), 0, 1)
-    height     = n . offset + d sin(spread of the block's normals) + s + 0.3 r
+    height     = n . offset + d sin(spread of the block's normals) + 1.5 s + 0.3 r
 
 It is not opened below SMALLEST r: within the block finer surfels would serve some of its vertices only. What cannot be
-above the horizon is dropped, so on a convex body little is left; of the rest the `count` most important stay. All of
-it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+above the horizon is dropped, so on a convex body little is left. Of the steps of importance in LADDER each block takes
+the finest at which its list still fits: a list is cut coarser where there is more to see, never cut off. All of it is
+relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,11 @@ from jaxtyping import Float, Int
 from gash_jax.graph.surfels import FAN, VERTEX_BITS, SurfelTree, curve_order
 
 BLOCK = 16
-IMPORTANT = 0.1
+# float32 of short decimals, the same everywhere
+LADDER = np.array(
+    [0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33, 0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0],
+    np.float32,
+)
 SMALLEST = 0.4
 # blocks per call: their candidates stay in the cache
 CHUNK = 256
@@ -74,24 +79,36 @@ def _look(
     own = [np.ascontiguousarray(a, dtype=np.float32) for a in (*middle.T, *axis.T, radius, sine)]
     block = np.repeat(np.arange(blocks, dtype=np.int32), tree.level_sizes[0])
     node = np.tile(np.arange(tree.level_sizes[0], dtype=np.int32), blocks)
-    kept = []
+    below = np.full(len(block), len(LADDER), np.int8)
+    seen = []
     while len(block):
         importance, small = _importance(columns, own, block, node)
         importance *= live[node]
         child = tree.first_child[node]
-        opened = (importance > IMPORTANT) & (child >= 0) & ~small
-        keep = (importance > 0) & ~opened
-        kept.append((block[keep], node[keep], importance[keep]))
+        # the surfel is in the cuts of the steps from `since` on, as long as its parent is opened: up to `below`
+        since = np.searchsorted(LADDER, importance).astype(np.int8)
+        opened = (since > 0) & (child >= 0) & ~small
+        since[~opened] = 0
+        keep = (importance > 0) & (since < below)
+        seen.append((block[keep], node[keep], importance[keep], since[keep], below[keep]))
         block = np.repeat(block[opened], FAN)
+        below = np.repeat(np.minimum(since, below)[opened], FAN)
         node = (child[opened][:, None] + np.arange(FAN, dtype=np.int32)).reshape(-1)
-    block, node, importance = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    block, node, importance, since, below = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    steps = len(LADDER) + 1
+    change = np.bincount(block * steps + since, minlength=blocks * steps)
+    change -= np.bincount(block * steps + below, minlength=blocks * steps)
+    fits = np.cumsum(change.reshape(blocks, steps), axis=1)[:, :-1] <= count
+    step = np.where(fits.any(axis=1), fits.argmax(axis=1), len(LADDER) - 1)[block]
+    chosen = (since <= step) & (step < below)
+    block, node, importance = block[chosen], node[chosen], importance[chosen]
     order = np.argsort(block - importance.astype(np.float64), kind="stable")
     block, node = block[order], node[order]
     found = np.bincount(block, minlength=blocks)
     rank = np.arange(len(block)) - np.repeat(np.cumsum(found) - found, found)
     table = np.full((blocks, count), len(live) - 1, np.int32)
-    fits = rank < count
-    table[block[fits], rank[fits]] = node[fits]
+    within = rank < count
+    table[block[within], rank[within]] = node[within]
     return table
 
 
@@ -106,6 +123,6 @@ def _importance(
     z -= mz
     square = x * x + y * y + z * z
     d = np.sqrt(square)
-    height = ax * x + ay * y + az * z + d * sine + s + 0.3 * r
+    height = ax * x + ay * y + az * z + d * sine + 1.5 * s + 0.3 * r
     up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
     return (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999), s <= SMALLEST * r

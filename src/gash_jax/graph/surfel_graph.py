@@ -22,7 +22,7 @@ import jraph
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.geometry.mesh import Mesh, center_and_scale, referenced, vector_areas
+from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced, vector_areas
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.mesh_graph import surface_radius
 from gash_jax.graph.sight import BLOCK, sight_table, vertex_blocks
@@ -78,8 +78,9 @@ def plan_surfels(
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
     """The plan of a mesh, and the records of its surfels at these positions."""
     faces = outward_faces(mesh)
-    axes = surface_axes(positions, faces)
-    tree = build_tree(positions, faces, axes)
+    area = face_areas(positions, faces)
+    axes = surface_axes(positions, faces, area)
+    tree = build_tree(positions, faces, area, axes)
     records = surfel_records(tree, positions, faces)
     blocks = vertex_blocks(positions, mesh.normals, axes)
     table = sight_table(tree, records, positions[blocks], mesh.normals[blocks], count, workers)

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, UInt
 
-from gash_jax.geometry.mesh import face_areas
-
 FAN = 4
 TOP = 64
 # leaves to aim at where the mesh has fewer faces, and the most parts along an edge
@@ -84,11 +82,12 @@ def curve_order(
     return np.argsort(curve_codes(local / reach, normals @ axes, lead_bits), kind="stable")
 
 
-def surface_axes(positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "3 3"]:
+def surface_axes(
+    positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], area: Float[np.ndarray, "f"]
+) -> Float[np.ndarray, "3 3"]:
     """Principal axes of the surface as columns, each towards its heavier tail: they turn with the mesh."""
-    points = np.asarray(positions, np.float32)
-    area = face_areas(points, faces).astype(np.float64)
-    middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
+    first, second, third = (np.take(np.asarray(positions, np.float32), faces[:, i], axis=0) for i in range(3))
+    middles = (first + second + third).astype(np.float64) / 3
     offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
     _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
     local = offsets @ axes
@@ -96,10 +95,12 @@ def surface_axes(positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 
 
 
 def build_tree(
-    positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], axes: Float[np.ndarray, "3 3"]
+    positions: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    area: Float[np.ndarray, "f"],
+    axes: Float[np.ndarray, "3 3"],
 ) -> SurfelTree:
     """Cut, sort and group the faces. Positions are centred and in units of the surface's radius."""
-    area = np.asarray(face_areas(positions, faces))
     parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
     parts = np.clip(parts, 1, MOST_PARTS)
     face = np.repeat(np.arange(len(faces), dtype=np.int32), parts**2)
@@ -124,10 +125,11 @@ def build_tree(
 def _leaf_middles(
     positions: np.ndarray, faces: np.ndarray, face: np.ndarray, piece: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    corners = np.asarray(positions, np.float32)[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    points = np.asarray(positions, np.float32)
+    corners = [np.take(points, faces[:, i], axis=0) for i in range(3)]
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     weights = PIECES.mean(axis=1)[piece]
-    middle = sum(weights[:, i, None] * corners[face, i] for i in range(3))
+    middle = sum(weights[:, i, None] * corners[i][face] for i in range(3))
     return np.asarray(middle), normal[face]
 
 

@@ -22,7 +22,7 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.learn.batches import Batch, Example
-from gash_jax.nn.surfel_net import BLOCK, by_band
+from gash_jax.nn.surfel_net import BLOCK, by_band, fall_back
 from gash_jax.prt.transfer import unshadowed_transfer
 
 SOFTENING = 0.1
@@ -129,15 +129,15 @@ def _batch(pool: BlockPool, chosen: np.ndarray, surfels: np.ndarray, shards: int
 
 @partial(jax.jit, static_argnames="module")
 def run_blocks(module: nn.Module, params: Any, nodes: dict[str, Array], surfels: Float[Array, "b n d"]) -> Array:
-    """Output of every block, (b, w, m), GROUP blocks at a time."""
-
-    def group(part: tuple[dict[str, Array], Array]) -> Array:
-        output = module.apply({"params": params}, block_graph(*part))
-        return jnp.asarray(output).reshape(len(part[1]), BLOCK, -1)
-
+    """Output of every block, (b, w, m): looking GROUP blocks at a time, answering all together."""
+    variables = {"params": params}
     grouped = jax.tree.map(lambda a: a.reshape(-1, GROUP, *a.shape[1:]), (nodes, surfels))
-    output = jax.lax.map(group, grouped)
-    return output.reshape(-1, *output.shape[2:])
+    seen = jax.lax.map(lambda part: module.apply(variables, block_graph(*part), method="look"), grouped)
+    # groups side by side in the last axis, that of the blocks
+    seen = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2).reshape(*a.shape[1:-1], -1), seen)
+    normals = nodes["normal"].reshape(-1, 3)
+    output = module.apply(variables, *seen, normals, method="answer")
+    return fall_back(jnp.asarray(output), normals, module.bands).reshape(len(surfels), BLOCK, -1)
 
 
 def predict_blocks(

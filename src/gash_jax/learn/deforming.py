@@ -43,10 +43,10 @@ def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]
 def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
     """A compiled function of the positions of all vertices, in the file's units.
 
-    Raises ValueError for a model other than `surfels`.
+    Raises ValueError for a model other than `local`.
     """
     if model.config.graph != "surfels":
-        raise ValueError(f"model {model.config.name} has no path for deforming meshes: use surfels")
+        raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
     positions, center, unit = normalised(mesh)
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
     blocks, bands, module = len(plan.blocks), model.config.bands, build_model(model.config)

@@ -46,7 +46,7 @@ class Model:
         return self.with_error(graph)[0]
 
     def with_error(self, graph: jraph.GraphsTuple) -> tuple[jax.Array, jax.Array | None]:
-        """Coefficients, and the RMS error expected of each where the network says it (`surfels` does), both "v k"."""
+        """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k"."""
         if self.config.graph != "surfels":
             return self._apply({"params": self.params}, graph), None
         found = predict_blocks(self._module, self.params, graph, self.config.bands, available_cores())

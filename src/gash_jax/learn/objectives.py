@@ -1,8 +1,8 @@
 """What each model minimises, as a list of phases that are trained one after the other.
 
 The two-stage network (GNN paper, 4.2) first learns visibility by class-balanced BCE, then, with that net fixed,
-coefficients by MSE. Every other model has one phase. A phase is validated on all validation vertices at once: its loss,
-and measures that people read.
+coefficients by MSE. `local` learns coefficients by MSE and then, with them fixed, what errors to expect. Every other
+model has one phase. A phase is validated on all validation vertices at once: its loss, and measures that people read.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,6 @@ from gash_jax.learn.batches import Batch
 from gash_jax.learn.losses import Mask, balanced_bce, masked_mean, squared_error
 from gash_jax.learn.precision import in_half
 from gash_jax.nn.registry import ModelConfig, build_model
-
-DOUBT_SHARE = 1e-4
 
 # (params, batch, dropout key or None) -> output of every vertex
 OutputFn = Callable[[Any, Batch, jax.Array | None], Float[Array, "v m"]]
@@ -97,23 +95,22 @@ def _balanced(output: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Ma
     return balanced_bce(logits=output, labels=labels, mask=mask)
 
 
-def _squared_and_doubt(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
-    """MSE of the coefficients, and the likelihood of what `nn.surfel_net` says of its own and the closed form's errors.
+def _squared_first(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
+    """MSE of the coefficients that `nn.surfel_net` says first."""
+    return squared_error(prediction=output[:, : labels.shape[1]], target=labels, mask=mask)
 
-    The latter is that of a normal distribution in each band; it moves only the parameters that predict errors, so its
-    share of the sum decides nothing but the size of their gradients.
-    """
+
+def _likelihood(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
+    """Of what `nn.surfel_net` says of its own and the closed form's errors: normal ones, in each band, negative log."""
     k = labels.shape[1]
     bands = round(k**0.5)
     raw, exact, doubts = output[:, :k], output[:, k : 2 * k], output[:, 2 * k :]
-    likelihood = jnp.zeros((len(labels), 0))
+    terms = []
     for estimate, doubt in ((raw, doubts[:, :bands]), (exact, doubts[:, bands:])):
-        square = jax.lax.stop_gradient((estimate - labels) ** 2)
+        square = (estimate - labels) ** 2
         bandwise = [jnp.mean(square[:, band**2 : (band + 1) ** 2], axis=1) for band in range(bands)]
-        term = doubt + jnp.stack(bandwise, axis=1) * jnp.exp(-doubt)
-        likelihood = jnp.concatenate([likelihood, term], axis=1)
-    counted = jnp.asarray(mask > 0, labels.dtype)
-    return squared_error(prediction=raw, target=labels, mask=mask) + DOUBT_SHARE * masked_mean(likelihood, counted)
+        terms.append(doubt + jnp.stack(bandwise, axis=1) * jnp.exp(-doubt))
+    return masked_mean(jnp.concatenate(terms, axis=1), jnp.asarray(mask > 0, labels.dtype))
 
 
 def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
@@ -124,10 +121,12 @@ def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
         output = _output(module, "__call__", half)
         return Phase("coefficients", share, trainable, "coefficients", output, _squared, _coefficient_measures)
 
-    if config.name == "surfels":
+    if config.name == "local":
         output = _output(module, "with_error", half)
         measure = lambda out, labels, normals: _coefficient_measures(out[:, : labels.shape[1]], labels, normals)  # noqa: E731
-        return [Phase("coefficients", 1.0, None, "coefficients", output, _squared_and_doubt, measure)]
+        body = ("surfel", "near", "mix", "head", *(f"hidden_{i}" for i in range(config.layers)))
+        first = Phase("coefficients", 0.9, body, "coefficients", output, _squared_first, measure)
+        return [first, Phase("doubt", 0.1, ("doubt", "error"), "coefficients", output, _likelihood, measure)]
     if config.name != "two-stage":
         return [coefficients(1.0, None)]
     logits = _output(module, "visibility_logits", half)

@@ -1,7 +1,7 @@
 """Which networks there are, what they are made of, and which graph each of them wants.
 
 Every model answers one contract: `build_model(config).apply(variables, graph, deterministic=True)` -> (v, k), with
-k = bands² and the nodes in the order of the mesh's vertices. Only `surfels` has nodes in the order of its blocks and
+k = bands² and the nodes in the order of the mesh's vertices. Only `local` has nodes in the order of its blocks and
 says after its coefficients how far it expects to be off, one number a band; `learn.model.Model` puts both in order.
 """
 
@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 from flax import linen as nn
 
 from gash_jax.algebra.sh import MAX_BANDS
-from gash_jax.nn.local import LocalNet
 from gash_jax.nn.mlp import MLP
+from gash_jax.nn.ring_net import RingNet
 from gash_jax.nn.surfel_net import SurfelNet
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 
 GRAPHS = ("knn", "rings", "surfels", "none")
 # a model that reads what only one kind of graph has
-OWN_GRAPH = {"local": "rings", "surfels": "surfels", "mlp": "none"}
+OWN_GRAPH = {"rings": "rings", "local": "surfels", "mlp": "none"}
 
 
 class _Defaults(NamedTuple):
@@ -32,8 +32,8 @@ class _Defaults(NamedTuple):
 
 
 DEFAULTS = {
-    "local": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
-    "surfels": _Defaults(channels=32, layers=2, heads=1, neighbours=64, graph="surfels"),
+    "rings": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
+    "local": _Defaults(channels=24, layers=2, heads=1, neighbours=64, graph="surfels"),
     "two-stage": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "gnn": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "teacher": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
@@ -104,9 +104,9 @@ def build_model(config: ModelConfig) -> nn.Module:
     neighbours, block = config.neighbours, config.block or None
     if config.name == "mlp":
         return MLP(channels, layers, bands)
+    if config.name == "rings":
+        return RingNet(channels, layers, heads, bands, neighbours, block)
     if config.name == "local":
-        return LocalNet(channels, layers, heads, bands, neighbours, block)
-    if config.name == "surfels":
         return SurfelNet(channels, layers, bands, neighbours)
     sees = config.name != "gnn"
     coefficient = CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block, sees)

@@ -18,8 +18,10 @@ vanish, as at the pole of a body of revolution, where of the exact transfer too 
 Nothing absolute enters, so the prediction turns with the mesh.
 
 Beside the coefficients the network predicts, per band, the mean square error of itself and that of the closed form,
-from z, without changing it. Where it expects to be worse than the closed form it falls back in that proportion.
+from z; they are learnt after it. Where it expects to be worse than the closed form it falls back in that proportion.
 """
+
+from functools import partial, reduce
 
 import jax
 import jax.numpy as jnp
@@ -42,11 +44,16 @@ TINY = 1e-20
 # its inverse square, in gradients, is a float32
 SMALLEST_AREA = 1e-18
 # of the logarithm of a mean square error: outside, its likelihood overflows
-LOG_RANGE = (-14.0, 5.0)
+LOG_RANGE = (-14.0, -1.0)
 # a surfel whose middle is the vertex reaches infinitely far for its distance
 FARTHEST = 4.0
 
-Pair = Float[Array, "b w n"]
+# a surfel seen edge-on still covers this part of its area: below, float32 does not tell how much it covers
+EDGE_ON = 0.01
+
+# pairs of surfel n and vertex w of block b; arrays of vertices are "w b"
+Pair = Float[Array, "n w b"]
+ByVertex = Float[Array, "_ w b"]
 
 
 def _dot(a: list[Array], b: list[Array]) -> Array:
@@ -64,113 +71,166 @@ def _quadratic(form: list[Array], u: list[Array]) -> Array:
 class SurfelNet(nn.Module):
     """Coefficients from a graph of blocks: see the module docstring and `graph.surfel_graph`.
 
-    `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers three times as many.
+    `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers four times as many.
     """
 
-    channels: int = 32
+    channels: int = 24
     layers: int = 2
     bands: int = 3
     neighbours: int = 64
 
-    @nn.compact
+    def setup(self) -> None:
+        """The layers by their names in the model file."""
+        width = 4 * self.channels
+        self.surfel, self.near = _Pairs(self.channels), _Pairs(3 * self.channels // 4)
+        self.mix, self.hidden = nn.Dense(width), [nn.Dense(width) for _ in range(self.layers)]
+        self.head = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init())
+        self.doubt, self.error = nn.Dense(self.channels), nn.Dense(2 * self.bands)
+
     def with_error(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v m"]:
         """Coefficients before any fallback (bands²), the closed form's (bands²), log MSE of the two (bands each).
 
         In world directions, in the order of the graph's blocks; nothing is random, so `deterministic` changes nothing.
         """
-        nodes = node_arrays(graph)
-        surfels = edge_arrays(graph)["surfel"].reshape(-1, self.neighbours, edge_arrays(graph)["surfel"].shape[-1])
-        blocks = len(surfels)
-        position, normal, near = (nodes[name].reshape(blocks, BLOCK, -1) for name in ("position", "normal", "near"))
-        z, frame, seen = self._look(surfels, position, normal, near.reshape(blocks, BLOCK, -1, 6))
-        flat = lambda a: a.reshape(blocks * BLOCK, *a.shape[2:])  # noqa: E731
-        z, frame, seen = flat(z), flat(frame), flat(seen)
-        width = 3 * self.channels
-        x = nn.relu(nn.Dense(width, name="mix")(z))
-        for i in range(self.layers):
-            x = x + nn.relu(nn.Dense(width, name=f"hidden_{i}")(x))
-        gate = (seen / (seen + GATE))[:, None]
-        residual = gate * nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init(), name="head")(x)
-        y = nn.relu(nn.Dense(self.channels, name="doubt")(jax.lax.stop_gradient(x)))
-        errors = jnp.clip(nn.Dense(2 * self.bands, name="error")(y), *LOG_RANGE) + 2 * jnp.log(
-            jax.lax.stop_gradient(gate) + GATE
-        )
-        world = rotate_coefficients(residual, frame)
-        normals = flat(normal)
-        exact = closed_form(normals, self.bands)
-        return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
+        return self.answer(*self.look(graph), node_arrays(graph)["normal"])
 
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v m"]:
         """Coefficients after the fallback, then their expected error per band, (v, bands² + bands)."""
         output = self.with_error(graph)
         return fall_back(output, node_arrays(graph)["normal"], self.bands)
 
-    def _look(
-        self, surfels: Float[Array, "b n d"], position: Array, normal: Array, near: Float[Array, "b w m 6"]
-    ) -> tuple[Array, Array, Array]:
-        """Pooled features, frames, and how much stands above the tangent plane."""
-        column = lambda i: surfels[:, None, :, i]  # noqa: E731
-        own = [normal[:, :, None, i] for i in range(3)]
-        offset = [column(i) - position[:, :, None, i] for i in range(3)]
+    def look(self, graph: jraph.GraphsTuple) -> tuple[list[ByVertex], list[ByVertex], Float[Array, "w b"]]:
+        """Pooled features, axes of the frames, and how much stands above the tangent plane."""
+        nodes, surfels = node_arrays(graph), edge_arrays(graph)["surfel"]
+        surfels = surfels.reshape(-1, self.neighbours, surfels.shape[-1])
+        # one array a component, blocks in the last axis: elementwise passes over whole vectors
+        surfel = surfels.transpose(2, 1, 0)[:, :, None]
+        shape = (len(surfels), BLOCK, -1)
+        position, normal = (list(nodes[name].reshape(shape).transpose(2, 1, 0)) for name in ("position", "normal"))
+        near = nodes["near"].reshape(*shape[:2], -1, 6).transpose(3, 2, 1, 0)
+        own = [n[None] for n in normal]
+        offset = [surfel[i] - position[i][None] for i in range(3)]
         square = _dot(offset, offset) + FLOOR
         inverse = jax.lax.rsqrt(square)
         u = [o * inverse for o in offset]
-        vector, area, size = [column(i) for i in (3, 4, 5)], column(6), column(7)
-        projected = (
-            4 * np.float32(np.pi) * jnp.sqrt(jnp.maximum(_quadratic([column(i) for i in range(8, 14)], u), 0) + 1e-24)
-        )
+        vector, area, size = list(surfel[3:6]), surfel[6], surfel[7]
+        floor = jnp.square(area * np.float32(EDGE_ON / (4 * np.pi))) + SMALLEST_AREA**2
+        projected = 4 * np.float32(np.pi) * jnp.sqrt(jnp.maximum(_quadratic(list(surfel[8:14]), u), 0) + floor)
         covered = jnp.minimum(projected, area)
         angle = covered / (covered + square)
         height = _dot(u, own)
         above = angle * jnp.maximum(height, 0)
-        reach = jnp.sqrt(jnp.maximum(_quadratic([column(i) for i in range(14, 20)], own), 0) + TINY) * inverse
+        reach = jnp.sqrt(jnp.maximum(_quadratic(list(surfel[14:20]), own), 0) + TINY) * inverse
         reach = jnp.minimum(reach, FARTHEST)
-        corner = [near[..., i] for i in range(3)]
+        partly = angle * jnp.clip(height + reach, 0, 1)
+        corner = list(near[:3])
         away = jax.lax.rsqrt(_dot(corner, corner) + FLOOR)
         v = [c * away for c in corner]
         frame = _frames(normal, u, above, angle, v)
-        axes = [[frame[:, :, None, i, j] for i in range(3)] for j in range(3)]
+        axes = [[component[None] for component in axis] for axis in frame]
         x, y = _dot(u, axes[0]), _dot(u, axes[1])
         flux = jnp.clip(-_dot(u, vector) / jnp.maximum(covered, SMALLEST_AREA), -2, 2)
         facing = [_dot(vector, axis) / jnp.maximum(area, SMALLEST_AREA) for axis in axes]
-        distance = jnp.log(square * inverse + 1e-3) * 0.3
-        size = size / (size + square * inverse)
+        distance = square * inverse
         features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
-        features += [jnp.sqrt(jnp.maximum(angle, TINY)), flux, reach, size, facing[2], facing[0], facing[1], distance]
-        h = nn.relu(nn.Dense(self.channels, name="surfel")(jnp.stack(features, axis=-1)))
-        weights = jnp.stack([above, angle * jnp.clip(height + reach, 0, 1)], axis=2)
-        pooled = jnp.einsum("bwin,bwnc->bwic", weights, h).reshape(*height.shape[:2], -1)
-        g = nn.relu(nn.Dense(3 * self.channels // 4, name="near")(_near_features(near, v, away, axes)))
-        rise = jnp.mean(jnp.maximum(_dot(v, own), 0), axis=-1)
-        edge = jnp.log(jnp.mean(1 / away, axis=-1, keepdims=True) + 1e-3) * 0.3
-        total = jnp.sum(above, axis=-1)
-        extra = [total[..., None], jnp.max(above, axis=-1, keepdims=True), edge]
-        z = jnp.concatenate([pooled, jnp.mean(g, axis=2), jnp.max(g, axis=2), *extra], axis=-1)
-        return z, frame, total + rise
+        features += [jnp.sqrt(jnp.maximum(angle, TINY)), flux, reach, size / (size + distance)]
+        h = self.surfel([*features, facing[2], facing[0], facing[1], _root(distance)])
+        pooled = [_total(weight[None] * h, 1) for weight in (above, partly)]
+        g = self.near(_near_features(list(near[3:]), v, away, axes))
+        corners = len(away)
+        edge = _root(_total(1 / away, 0) / corners)
+        total, most = _total(above, 0), _most(above, 0)
+        rise = _total(jnp.maximum(_dot(v, own), 0), 0) / corners
+        pooled += [_total(g, 1) / corners, _most(g, 1), jnp.stack([total, most, edge])]
+        return pooled, [jnp.stack(axis) for axis in frame], total + rise
+
+    def answer(
+        self, pooled: list[ByVertex], frame: list[ByVertex], seen: Float[Array, "w b"], normals: Array
+    ) -> Float[Array, "v m"]:
+        """What `with_error` says, from what `look` saw."""
+        z = jnp.concatenate(pooled).transpose(2, 1, 0).reshape(len(normals), -1)
+        frames = jnp.stack(frame, axis=1).transpose(3, 2, 0, 1).reshape(-1, 3, 3)
+        seen = seen.T.reshape(-1)
+        x = nn.relu(self.mix(z))
+        for hidden in self.hidden:
+            x = x + nn.relu(hidden(x))
+        gate = (seen / (seen + GATE))[:, None]
+        residual = gate * self.head(x)
+        # bounded, so that what is unlike the corpus is not extrapolated
+        y = nn.tanh(self.doubt(x))
+        low, high = LOG_RANGE
+        errors = low + (high - low) * nn.sigmoid(self.error(y)) + 2 * jnp.log(gate + GATE)
+        world = rotate_coefficients(residual, frames)
+        exact = closed_form(normals, self.bands)
+        return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
 
 
-def _frames(normal: Array, u: list[Array], above: Pair, angle: Pair, near: list[Array]) -> Float[Array, "b w 3 3"]:
-    """Frames whose first axis looks where most is hidden."""
+def _root(distance: Array) -> Array:
+    """The fourth root: as good as a logarithm over the distances of a mesh, and finite at 0."""
+    return jnp.sqrt(jnp.sqrt(jnp.maximum(distance, TINY)))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _total(x: Array, axis: int) -> Array:
+    """Sum over an axis before the last, term by term: a reduction XLA would run number by number on a CPU."""
+    return reduce(jnp.add, [jax.lax.index_in_dim(x, k, axis, keepdims=False) for k in range(x.shape[axis])])
+
+
+@_total.defjvp
+def _total_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    return _total(primals[0], axis), jnp.sum(tangents[0], axis=axis)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _most(x: Array, axis: int) -> Array:
+    """Maximum, as `_total`."""
+    return reduce(jnp.maximum, [jax.lax.index_in_dim(x, k, axis, keepdims=False) for k in range(x.shape[axis])])
+
+
+@_most.defjvp
+def _most_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    return _most(primals[0], axis), jax.jvp(partial(jnp.max, axis=axis), primals, tangents)[1]
+
+
+class _Pairs(nn.Module):
+    """ReLU(W f + b) of every pair, from one array a feature to one a channel; stored as a Dense layer."""
+
+    channels: int
+
+    @nn.compact
+    def __call__(self, features: list[Array]) -> Float[Array, "c n w b"]:
+        kernel = self.param("kernel", nn.initializers.lecun_normal(), (len(features), self.channels))
+        bias = self.param("bias", nn.initializers.zeros_init(), (self.channels,))
+        shape = features[0].shape
+        flat = jnp.stack(features).reshape(len(features), -1)
+        product = jax.lax.dot_general(kernel, flat, (((0,), (0,)), ((), ())))
+        return nn.relu(product.reshape(-1, *shape) + bias[:, None, None, None])
+
+
+def _frames(
+    normal: list[Array], u: list[Array], above: Pair, angle: Pair, near: list[Array]
+) -> list[list[Float[Array, "w b"]]]:
+    """Axes of frames whose first looks where most is hidden, components of each."""
     weight = above + 1e-3 * angle
-    hidden = jnp.stack(
-        [jnp.sum(weight * a, axis=-1) + 1e-4 * jnp.mean(b, axis=-1) for a, b in zip(u, near, strict=True)], -1
-    )
-    tangent = hidden - jnp.sum(hidden * normal, axis=-1, keepdims=True) * normal
-    known = jnp.sum(tangent * tangent, axis=-1, keepdims=True) > 1e-16
-    other = orthonormal_frame(normal)[..., 0]
-    first = safe_normalize(jnp.where(known, tangent, other))
-    return jnp.stack([first, jnp.cross(normal, first), normal], axis=-1)
+    hidden = [_total(weight * a, 0) + 1e-4 / len(b) * _total(b, 0) for a, b in zip(u, near, strict=True)]
+    upward = _dot(hidden, normal)
+    tangent = [h - upward * n for h, n in zip(hidden, normal, strict=True)]
+    known = _dot(tangent, tangent) > 1e-16
+    other = jnp.moveaxis(orthonormal_frame(jnp.stack(normal, axis=-1))[..., 0], -1, 0)
+    chosen = jnp.stack([jnp.where(known, t, o) for t, o in zip(tangent, other, strict=True)], axis=-1)
+    first = list(jnp.moveaxis(safe_normalize(chosen), -1, 0))
+    second = [normal[i - 2] * first[i - 1] - normal[i - 1] * first[i - 2] for i in range(3)]
+    return [first, second, normal]
 
 
-def _near_features(near: Array, v: list[Array], away: Array, axes: list[list[Array]]) -> Float[Array, "b w m 14"]:
+def _near_features(normal: list[Array], v: list[Array], away: Array, axes: list[list[Array]]) -> list[Array]:
     """What is said of the corners of a vertex's own faces: direction, normal, distance in units of their mean."""
     x, y, z = (_dot(v, axis) for axis in axes)
-    normal = [near[..., i] for i in (3, 4, 5)]
     turned = [_dot(normal, axis) for axis in axes]
     length = 1 / away
-    relative = length / (jnp.mean(length, axis=-1, keepdims=True) + 1e-9)
+    relative = length / (_total(length, 0) / len(length) + 1e-9)[None]
     features = [x, y, z, x * y, y * z, x * z, 0.5 * (x * x - y * y), z * z, *turned, _dot(normal, v), relative]
-    return jnp.stack([*features, jnp.log(length + 1e-3) * 0.3], axis=-1)
+    return [*features, _root(length)]
 
 
 def by_band(values: Float[Array, "v b"], bands: int) -> Float[Array, "v k"]:

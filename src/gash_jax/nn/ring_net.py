@@ -74,7 +74,7 @@ class EdgeAttention(nn.Module):
         return over_vertices(attend, (relative, table, target), self.block)
 
 
-class LocalNet(nn.Module):
+class RingNet(nn.Module):
     """Coefficients from edges["relative"], nodes["frame"] and nodes["normal"] of a graph with k `neighbours`.
 
     `block`: vertices per block in inference, None: all at once.

@@ -1,4 +1,4 @@
-"""The local network turns with the mesh, starts as the closed form, and sees neither unit nor origin."""
+"""The ring network turns with the mesh, starts as the closed form, and sees neither unit nor origin."""
 
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.mesh_graph import edgeless_graph, rings_graph, with_relative_edges
 from gash_jax.nn.closed_form import closed_form
-from gash_jax.nn.local import LocalNet
+from gash_jax.nn.ring_net import RingNet
 from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
 BUMPY: Mesh = bumpy_mesh(200)
@@ -20,7 +20,7 @@ BUMPY: Mesh = bumpy_mesh(200)
 
 @cache
 def _net(bands: int = 3) -> tuple[Any, Any]:
-    module = LocalNet(channels=16, layers=2, heads=2, bands=bands)
+    module = RingNet(channels=16, layers=2, heads=2, bands=bands)
     return jax.jit(module.apply), random_variables(module, rings_graph(BUMPY))
 
 
@@ -31,7 +31,7 @@ def _same_table(mesh: Mesh, graph: Any) -> Any:
 
 
 def test_untrained_it_is_the_closed_form() -> None:
-    module, graph = LocalNet(channels=8, layers=1, heads=2), rings_graph(BUMPY)
+    module, graph = RingNet(channels=8, layers=1, heads=2), rings_graph(BUMPY)
     variables = jax.jit(module.init)(jax.random.key(0), graph)
     out = jax.jit(module.apply)(variables, graph)
     np.testing.assert_array_equal(out, jax.jit(closed_form, static_argnums=1)(BUMPY.normals, 3))
@@ -84,7 +84,7 @@ def test_its_reach_is_the_number_of_layers() -> None:
 def test_blocks_change_nothing() -> None:
     _, variables = _net()
     graph = rings_graph(BUMPY)
-    whole = LocalNet(channels=16, layers=2, heads=2)
+    whole = RingNet(channels=16, layers=2, heads=2)
     out = jax.jit(whole.clone(block=64).apply)(variables, graph)
     np.testing.assert_allclose(out, _net()[0](variables, graph), atol=1e-5)
     assert "scan" not in str(jax.make_jaxpr(lambda v: whole.clone(block=64).apply(v, graph, False))(variables))

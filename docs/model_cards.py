@@ -1,0 +1,79 @@
+"""The cards of the weights that ship, made from the files themselves and from the results: docs/model_cards.md.
+
+.venv/bin/python docs/model_cards.py
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).parent))
+
+from baking_tables import origin
+from local_tables import table
+
+from gash_jax.learn.model import load_model, shipped_models
+
+# the name under which the results know the shipped weights
+MEASURED = {"local": "local", "mlp": "mlp-long", "two-stage": "two-stage-long"}
+WHAT = {
+    "local": "Our own network over a tree of surfels; the default of `gash predict` and `load_model`.",
+    "mlp": "The first paper's baseline: a motor of every vertex through an MLP, no neighbours.",
+    "two-stage": "The GNN paper's network as published: TransformerConv visibility, then GATv2 coefficients.",
+}
+LIMITS = {
+    "local": "Knows nothing of what is smaller than its surfels (64 to a block of vertices at most), nor of holes "
+    "between them; flat trays and soups of loose triangles are its weakest. `predicted_error` is an expectation over "
+    "shapes like those of the corpus and no bound: the results have its calibration.",
+    "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "
+    "another orientation of the same mesh gets other coefficients.",
+    "two-stage": "Sees 16 nearest neighbours a layer, so nothing far; not equivariant; on most real meshes no better "
+    "than the closed form. Here to reproduce the paper.",
+}
+
+
+def card(name: str, path: Path, result: dict[str, Any]) -> str:
+    """The section of one model."""
+    model = load_model(name)
+    run, parameters = model.metadata["run"], sum(leaf.size for leaf in map(np.asarray, _leaves(model.params)))
+    data, train = run["data"], run["train"]
+    budget = f"{train['seconds']:.0f} s of {'CPU time of one core' if train.get('clock') == 'cpu' else 'wall time'}"
+    rows = [row["methods"][MEASURED[name]] for row in result["rows"]]
+    skills = [row["skill"] for row in rows if isinstance(row["skill"], float)]
+    shapes = f"{data['shapes']} generated shapes of {data['min_vertices']} to {data['max_vertices']} vertices"
+    lines = [
+        ["parameters", f"{parameters} in {path.stat().st_size / 1e6:.2f} MB"],
+        ["trained on", f"{shapes}, labels of {data['rays']} rays; no mesh from elsewhere"],
+        ["budget", f"{budget}, seed {train['seed']}, {train['batch_vertices']} vertices a batch"],
+        ["skill on unseen meshes", f"median {np.median(skills):.3f}, from {min(skills):.2f} to {max(skills):.2f}"],
+        ["relative RMSE", f"median {np.median([r['relrmse'] for r in rows if r['relrmse'] is not None]):.4f}"],
+        ["time", f"network {np.median([row['network_us'] for row in rows]):.1f} us a vertex"],
+    ]
+    return f"## `{name}`\n\n{WHAT[name]}\n\n{table(['', ''], lines)}\n\nLimits: {LIMITS[name]}\n"
+
+
+def _leaves(tree: Any) -> list[Any]:
+    return [leaf for value in tree.values() for leaf in _leaves(value)] if isinstance(tree, dict) else [tree]
+
+
+def cards(result: dict[str, Any]) -> str:
+    """The whole document."""
+    head = "# Model cards\n\nThe weights inside the package. Measures are those of [the results](results.md): "
+    head += (
+        f"{len(result['rows'])} meshes that no network has seen, references of {result['arguments']['rays']} rays.\n"
+    )
+    sections = [card(name, path, result) for name, path in shipped_models().items()]
+    return "\n".join([head, *sections, f"{origin(result)}.\n"])
+
+
+def committed_cards() -> str:
+    """The document of the results that are committed."""
+    return cards(json.loads((ROOT / "docs" / "results" / "neural_gash.json").read_text()))
+
+
+if __name__ == "__main__":
+    (ROOT / "docs" / "model_cards.md").write_text(committed_cards(), encoding="utf-8")

@@ -1,0 +1,145 @@
+"""How fast `local` is: stage by stage beside the two-stage network and a bake, up to a million vertices, and in motion.
+
+    .venv-peers/bin/python experiments/local/speed.py --meshes FOLDER --animated FOLDER --output FILE.json
+
+Times are worth something only where nothing else runs: medians after a warm-up. In an environment without PyTorch
+Geometric its column stays empty; without FOLDER only meshes that the project generates are measured.
+"""
+
+import argparse
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
+
+import latency
+from evaluate import load_meshes
+
+from gash_jax.apps.evaluating import write_json
+from gash_jax.apps.provenance import provenance
+from gash_jax.geometry.health import prepare_mesh
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.primitives import bumpy_sphere
+from gash_jax.learn import metrics
+from gash_jax.learn.deforming import deforming_predictor
+from gash_jax.learn.model import Model, load_model
+from gash_jax.learn.timing import timed
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.transfer import unshadowed_transfer
+
+# frequencies of the geodesic sphere: 10 f² + 2 vertices
+RESOLUTIONS = (32, 100, 178, 316)
+MOTIONS = ("cesium_man_walk", "cat_poses", "lion_poses", "cat_run_lowpoly")
+FRAMES, RAYS = 12, 1024
+
+
+def stages(models: dict[str, Model], mesh: Mesh) -> dict[str, Any]:
+    """Microseconds a vertex of `local` and, in the same run, of the two-stage network, its twin and plain bakes."""
+    us = 1e6 / len(mesh.vertices)
+    graph, building = timed(lambda: models["local"].graph(mesh))
+    _, network = timed(lambda: models["local"](graph))
+    _, whole = timed(lambda: models["local"].predict(mesh))
+    row: dict[str, Any] = {"graph": building * us, "network": network * us, "predict": whole * us}
+    for rays in (8, 16):
+        _, seconds = timed(lambda n=rays: bake_transfer(mesh, rays=n, replicates=1), 3)
+        row[f"bake {rays}"] = seconds * us
+    other = latency.measure(mesh, models["two-stage"])
+    twin = other["pyg"]
+    row |= {"two-stage": ((other["stage1"] or 0) + (other["stage2"] or 0)) * us}
+    return row | {"pyg": None if twin is None else twin * us}
+
+
+def size(model: str, resolution: int) -> dict[str, Any]:
+    """Seconds and peak memory of a prediction of one large mesh, in a process of its own."""
+    command = [sys.executable, __file__, "--model", model, "--alone", str(resolution)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    vertices, first, second, memory = (float(word) for word in done.stdout.split()[-4:])
+    return {"vertices": int(vertices), "seconds": second, "first_seconds": first, "peak_mib": memory}
+
+
+def alone(model: str, resolution: int) -> None:
+    """What `size` starts."""
+    network, mesh = load_model(model), bumpy_sphere(resolution)
+    seconds = []
+    for _ in range(2):
+        started = time.perf_counter()
+        network.predict(mesh)
+        seconds.append(time.perf_counter() - started)
+    print(len(mesh.vertices), *seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+def _frames(folder: Path | None, quick: bool) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Positions (t, v, 3) and faces of every motion; the generated one is a bumpy sphere that breathes."""
+    still = bumpy_sphere(12 if quick else 30)
+    waves = 1 + 0.2 * np.sin(np.linspace(0, np.pi, FRAMES))[:, None, None] * np.sin(4 * still.vertices[None, :, :1])
+    found = {"a breathing sphere": ((still.vertices * waves).astype(np.float32), still.faces)}
+    for name in MOTIONS:
+        path = folder / f"{name}.npz" if folder else None
+        if path and path.exists():
+            with np.load(path) as arrays:
+                found[name] = (arrays["verts"][:FRAMES].astype(np.float32), arrays["faces"].astype(np.int32))
+    return found
+
+
+def motion(model: Model, positions: np.ndarray, faces: np.ndarray, rays: int) -> dict[str, Any]:
+    """Time a frame of the compiled call, and skill and flicker beside those of the closed form and of a fresh graph."""
+    meshes = [prepare_mesh(frame, faces)[0] for frame in positions]
+    started = time.perf_counter()
+    predict = deforming_predictor(model, meshes[0])
+    np.asarray(predict(positions[0])[0])
+    ready = time.perf_counter() - started
+    times, found = [], []
+    for frame in positions:
+        started = time.perf_counter()
+        found.append(np.asarray(predict(frame)[0]))
+        times.append(time.perf_counter() - started)
+    truth = np.stack([bake_transfer(mesh, rays=rays).coefficients for mesh in meshes])
+    formula = np.stack([np.asarray(unshadowed_transfer(mesh.normals, 3)) for mesh in meshes])
+    fresh = np.stack([model.predict(mesh).coefficients for mesh in meshes])
+    mean = float(np.mean((formula - truth) ** 2))
+    row: dict[str, Any] = {"vertices": positions.shape[1], "frames": len(positions), "ready_seconds": ready}
+    row |= {"frame_ms": 1e3 * float(np.median(times)), "us": 1e6 * float(np.median(times)) / positions.shape[1]}
+    for name, estimate in (("closed form", formula), ("plan kept", np.stack(found)), ("plan renewed", fresh)):
+        skill = 1 - float(np.mean((estimate - truth) ** 2)) / mean
+        row[name] = {"skill": skill, "flicker": metrics.flicker(estimate, truth)}
+    return row
+
+
+def main(name: str, folder: Path | None, animated: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+    models = {"local": load_model(name), "two-stage": load_model("two-stage")}
+    rows = []
+    for label, read in load_meshes(folder, quick).items():
+        mesh = read()
+        rows.append({"mesh": label, "vertices": len(mesh.vertices), **stages(models, mesh)})
+        print(rows[-1], flush=True)
+    motions = {}
+    for label, (positions, faces) in _frames(animated, quick).items():
+        motions[label] = motion(models["local"], positions, faces, 64 if quick else RAYS)
+        print(label, motions[label], flush=True)
+    sizes = [size(name, resolution) for resolution in (RESOLUTIONS[:1] if quick else RESOLUTIONS)]
+    arguments = {"model": Path(name).stem, "rays": 64 if quick else RAYS}
+    results = {**provenance(seed=0, arguments=arguments), "rows": rows, "motions": motions, "sizes": sizes}
+    if output:
+        write_json(output, results)
+    return results
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--model", default="local", help="a local model: the shipped name, or a file")
+    parser.add_argument("--meshes", type=Path)
+    parser.add_argument("--animated", type=Path)
+    parser.add_argument("--output", type=Path)
+    parser.add_argument("--quick", action="store_true", help="small generated meshes: to see that it runs")
+    parser.add_argument("--alone", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.alone:
+        alone(options.model, options.alone)
+    else:
+        main(options.model, options.meshes, options.animated, options.output, options.quick)
