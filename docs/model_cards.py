@@ -41,7 +41,7 @@ def card(name: str, path: Path, result: dict[str, Any]) -> str:
     model = load_model(name)
     run, parameters = model.metadata["run"], sum(leaf.size for leaf in map(np.asarray, _leaves(model.params)))
     data, train = run["data"], run["train"]
-    budget = f"{train['seconds']:.0f} s of {'CPU time of one core' if train.get('clock') == 'cpu' else 'wall time'}"
+    budget = f"{train['seconds']:.0f} s of {'CPU time of each core' if train.get('clock') == 'cpu' else 'wall time'}"
     rows = [row["methods"][MEASURED[name]] for row in result["rows"]]
     skills = [row["skill"] for row in rows if isinstance(row["skill"], float)]
     shapes = f"{data['shapes']} generated shapes of {data['min_vertices']} to {data['max_vertices']} vertices"

@@ -25,13 +25,10 @@ from gash_jax.apps.evaluating import write_json
 from gash_jax.apps.provenance import provenance
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.geometry.primitives import box, icosphere
-from gash_jax.graph.surfel_graph import block_arrays, normalised, plan_surfels
+from gash_jax.graph.surfel_graph import normalised, plan_surfels, planned_graph
 from gash_jax.graph.surfels import surfel_records
-from gash_jax.learn.blocks import block_graph, predict_blocks
 from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
 from gash_jax.learn.model import Model, load_model
-from gash_jax.nn.registry import build_model
-from gash_jax.nn.surfel_net import BLOCK
 from gash_jax.prt.transfer import unshadowed_transfer
 
 SCALE, SHIFT = 2.5, (3.0, -1.0, 2.0)
@@ -48,13 +45,7 @@ def rotation(seed: int) -> np.ndarray:
 def _predict(model: Model, mesh: Mesh, positions: np.ndarray, plan: Any) -> np.ndarray:
     """Prediction of a mesh whose surfels, blocks and tables are given."""
     records = surfel_records(plan.tree, positions, plan.faces)
-    nodes, edges = block_arrays(plan, records, positions, mesh.normals.astype(np.float32))
-    parts = {name: a.reshape(len(plan.blocks), BLOCK, -1) for name, a in nodes.items()}
-    graph = block_graph(parts, edges["surfel"].reshape(len(plan.blocks), model.config.neighbours, -1))
-    slot = np.zeros((1, len(positions)), np.int32)
-    slot[0, plan.blocks.reshape(-1)[::-1]] = np.arange(plan.blocks.size, dtype=np.int32)[::-1]
-    module = build_model(model.config)
-    return predict_blocks(module, model.params, graph._replace(globals={"slot": slot}), model.config.bands, 1)[0]
+    return np.asarray(model(planned_graph(plan, records, positions, mesh.normals, np.zeros(3), 1.0)))
 
 
 def equivariance(model: Model, mesh: Mesh, seed: int) -> dict[str, float]:

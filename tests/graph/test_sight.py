@@ -12,6 +12,7 @@ from gash_jax.graph import sight
 from gash_jax.graph.sight import BLOCK, LADDER, SMALLEST, sight_table, vertex_blocks
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfels import FAN
+from gash_jax.nn import surfel_net
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
 COUNT = 64
@@ -64,6 +65,10 @@ def _cut(case: _Case, block: int, step: float) -> dict[int, float]:
         elif importance > 0:
             kept[node] = importance
     return kept
+
+
+def test_graph_and_network_mean_the_same_blocks() -> None:
+    assert BLOCK == surfel_net.BLOCK
 
 
 def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:

@@ -9,8 +9,8 @@ stand above the tangent planes of the block. With s its size, d its distance and
 
 It is not opened below SMALLEST r: within the block finer surfels would serve some of its vertices only. What cannot be
 above the horizon is dropped, so on a convex body little is left. Of the steps of importance in LADDER each block takes
-the finest at which its list still fits: a list is cut coarser where there is more to see, never cut off. All of it is
-relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+the finest at which its list still fits: it is coarser where there is more to see, and cut off only where even the
+coarsest list is too long. All of it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
 """
 
 from concurrent.futures import ThreadPoolExecutor

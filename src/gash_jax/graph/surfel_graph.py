@@ -103,15 +103,31 @@ def block_arrays(
     return {"position": place, "normal": facing, "near": near.reshape(len(nodes), -1)}, {"surfel": surfels}
 
 
+def node_slots(blocks: Int[np.ndarray, "b w"], n_vertices: int) -> Int[np.ndarray, "v"]:
+    """For every vertex its node; of the repeated last vertex the first one."""
+    slot = np.zeros(n_vertices, np.int32)
+    slot[blocks.reshape(-1)[::-1]] = np.arange(blocks.size, dtype=np.int32)[::-1]
+    return slot
+
+
 def surfel_graph(mesh: Mesh, count: int, workers: int = 1) -> jraph.GraphsTuple:
     """The graph of a mesh in which every block looks at `count` surfels."""
     positions, center, unit = normalised(mesh)
     plan, records = plan_surfels(mesh, positions, count, workers)
-    nodes, edges = block_arrays(plan, records, positions, mesh.normals.astype(np.float32))
-    blocks = len(plan.blocks)
-    slot = np.zeros((1, len(positions)), np.int32)
-    # backwards, so that of the repeated last vertex the first node counts
-    slot[0, plan.blocks.reshape(-1)[::-1]] = np.arange(blocks * BLOCK, dtype=np.int32)[::-1]
+    return planned_graph(plan, records, positions, mesh.normals, center, unit)
+
+
+def planned_graph(
+    plan: SurfelPlan,
+    records: Float[np.ndarray, "s d"],
+    positions: Float[np.ndarray, "v 3"],
+    normals: Float[np.ndarray, "v 3"],
+    center: Float[np.ndarray, "3"],
+    unit: float,
+) -> jraph.GraphsTuple:
+    """The graph of a plan at these positions."""
+    nodes, edges = block_arrays(plan, records, positions, normals.astype(np.float32))
+    blocks, count = plan.table.shape
     fields: dict[str, Any] = {
         "nodes": nodes,
         "edges": edges,
@@ -120,7 +136,7 @@ def surfel_graph(mesh: Mesh, count: int, workers: int = 1) -> jraph.GraphsTuple:
         "globals": {
             "center": np.asarray(center, np.float32).reshape(1, 3),
             "scale": np.full(1, unit, np.float32),
-            "slot": slot,
+            "slot": node_slots(plan.blocks, len(positions))[None],
         },
         "n_node": np.array([blocks * BLOCK], np.int32),
         "n_edge": np.array([blocks * count], np.int32),

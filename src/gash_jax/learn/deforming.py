@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.graph.surfel_graph import block_arrays, normalised, plan_surfels
+from gash_jax.graph.surfel_graph import block_arrays, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.learn.blocks import GROUP, run_blocks
 from gash_jax.learn.model import Model
@@ -51,8 +51,7 @@ def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
     blocks, bands, module = len(plan.blocks), model.config.bands, build_model(model.config)
     missing = -blocks % GROUP
-    node_of = np.zeros(len(positions), np.int32)
-    node_of[plan.blocks.reshape(-1)[::-1]] = np.arange(blocks * BLOCK, dtype=np.int32)[::-1]
+    node_of = node_slots(plan.blocks, len(positions))
     middle, loose = jnp.asarray(center, jnp.float32)[None], ~np.any(mesh.normals, axis=1)
 
     @jax.jit

@@ -5,7 +5,7 @@ Every vertex looks at the `neighbours` surfels of its block (`graph.sight`) and 
 and its projected area; what stands above the tangent plane counts by its cosine c = max(n . u, 0). With f the features
 of a pair in the frame F of the vertex, h = ReLU(W f + b), and g the same of the near corners:
 
-    z = [sum_j w c h, sum_j w clip(n . u + r, 0, 1) h, mean g, max g, sum_j w c, max_j w c]
+    z = [sum_j w c h, sum_j w clip(n . u + r, 0, 1) h, mean g, max g, sum_j w c, max_j w c, (mean edge)^1/4]
     r(v) = gate MLP(z),    gate = s / (s + GATE),   s = sum_j w c + mean_near max(n . u, 0)
     t(v) = A_l/pi Y(n) + D(F) r(v)
 
@@ -47,7 +47,6 @@ SMALLEST_AREA = 1e-18
 LOG_RANGE = (-14.0, -1.0)
 # a surfel whose middle is the vertex reaches infinitely far for its distance
 FARTHEST = 4.0
-
 # a surfel seen edge-on still covers this part of its area: below, float32 does not tell how much it covers
 EDGE_ON = 0.01
 
