@@ -19,6 +19,10 @@ Edge from j to i, with offset o = p_j - p_i, d = |o|, u = F_i^T o / d and m = F_
 Lengths are in units that the mesh itself defines (`mesh_graph.surface_radius`; the bounding box would not do, as it
 changes with rotation). So the features do not change when the mesh is rotated, translated or scaled with the same
 edges. Nothing absolute enters. Where d = 0 all terms with o / d are 0.
+
+Relative motor of an edge: M_i^-1 M_j, the 8 numbers of a motor (r, d), of its two signs the one with a scalar part
+that is not negative. With the motors of normals it does not change when the mesh is moved; with the motors of frames,
+lengths as above, neither when it is turned or scaled.
 """
 
 from collections.abc import Callable
@@ -28,8 +32,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from gash_jax.algebra import cga
 from gash_jax.algebra.directions import orthonormal_frame
-from gash_jax.algebra.motors import motor
+from gash_jax.algebra.motors import compose, inverse, matrix_to_rotor, motor, translator
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 
 DISTANCE_FLOOR = 1e-4
@@ -40,7 +45,21 @@ VANISHING_OFFSET = 1e-3
 EDGE_BLOCK = 1 << 15
 VERTEX_BLOCK = 1 << 12
 
+# of a motor, each number once
+MOTOR_8 = np.array([cga.SCALAR, cga.E12, cga.E13, cga.E23, cga.E1P, cga.E2P, cga.E3P, cga.E123P])
+
 _motor = jax.jit(motor)
+
+
+@jax.jit
+def _frame_motor(positions: Array, frames: Array) -> Array:
+    return compose(translator(positions), matrix_to_rotor(frames))
+
+
+@jax.jit
+def _relative_motor(receiver: Array, sender: Array) -> Array:
+    relative = compose(inverse(receiver), sender)[:, MOTOR_8]
+    return jnp.where(relative[:, :1] < 0, -relative, relative)
 
 
 def _in_blocks(
@@ -123,3 +142,20 @@ def relative_edges(
         return offsets, np.take(normals, origin, axis=0), np.take(frames, to, axis=0)
 
     return _in_blocks(_edge_features, rows, len(senders), EDGE_BLOCK)
+
+
+def frame_motors(positions: Float[np.ndarray, "v 3"], frames: Float[np.ndarray, "v 3 3"]) -> Float[np.ndarray, "v 32"]:
+    """The motor that takes the origin and the axes to every vertex and its frame, float32."""
+    arrays = positions.astype(np.float32), frames.astype(np.float32)
+    return _in_blocks(_frame_motor, lambda block: (arrays[0][block], arrays[1][block]), len(positions), VERTEX_BLOCK)
+
+
+def relative_motors(
+    motors: Float[np.ndarray, "v 32"], senders: Int[np.ndarray, "e"], receivers: Int[np.ndarray, "e"]
+) -> Float[np.ndarray, "e 8"]:
+    """M_i^-1 M_j of every edge from j to i (module docstring), float32."""
+
+    def rows(block: slice) -> tuple[np.ndarray, ...]:
+        return np.take(motors, receivers[block], axis=0), np.take(motors, senders[block], axis=0)
+
+    return _in_blocks(_relative_motor, rows, len(senders), EDGE_BLOCK)

@@ -1,7 +1,7 @@
 """Mesh -> `jraph.GraphsTuple`, in the four forms that models here are trained on.
 
     nodes     {"motor": (v, 32), "position": (v, 3), "normal": (v, 3)}; with relative edges also "frame": (v, 3, 3)
-    edges     {} or {"relative": (e, 16)}, see `encoding`
+    edges     {}, {"relative": (e, 16)} or {"motor": (e, 8)}, see `encoding`
     senders, receivers  (e,) int32, sorted by receiver; messages go from sender to receiver
     globals   {"center": (1, 3), "scale": (1,)}
 
@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Int
 
 from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced
-from gash_jax.graph.encoding import motor_nodes, relative_edges, vertex_frames
+from gash_jax.graph.encoding import frame_motors, motor_nodes, relative_edges, relative_motors, vertex_frames
 from gash_jax.graph.neighbours import RING_DRAWS, RING_SHARES, knn, mesh_edges, radius_edges, rings
 
 Graph = jraph.GraphsTuple
@@ -65,15 +65,35 @@ def surface_radius(mesh: Mesh) -> float:
     return scale * float(np.sqrt(areas @ np.einsum("fi,fi->f", middles, middles) / total))
 
 
+def with_frames(graph: Graph, mesh: Mesh) -> Graph:
+    """The mesh's graph with nodes["frame"] added."""
+    nodes = cast(dict[str, np.ndarray], graph.nodes)
+    frames = vertex_frames(nodes["position"], nodes["normal"], np.asarray(graph.senders), np.asarray(graph.receivers))
+    return graph._replace(nodes={**nodes, "frame": frames})
+
+
+def _in_radii(graph: Graph, mesh: Mesh) -> np.ndarray:
+    """Positions in units of `surface_radius`."""
+    _, scale = center_and_scale(mesh)
+    return cast(dict, graph.nodes)["position"] * np.float32(scale / (surface_radius(mesh) or scale))
+
+
 def with_relative_edges(graph: Graph, mesh: Mesh) -> Graph:
     """The mesh's graph with nodes["frame"] and edges["relative"] added; lengths in units of `surface_radius`."""
+    graph = with_frames(graph, mesh)
     nodes = cast(dict[str, np.ndarray], graph.nodes)
-    senders, receivers = np.asarray(graph.senders), np.asarray(graph.receivers)
-    _, scale = center_and_scale(mesh)
-    positions = nodes["position"] * np.float32(scale / (surface_radius(mesh) or scale))
-    frames = vertex_frames(positions, nodes["normal"], senders, receivers)
-    relative = relative_edges(positions, nodes["normal"], frames, senders, receivers)
-    return graph._replace(nodes={**nodes, "frame": frames}, edges={"relative": relative})
+    ends = np.asarray(graph.senders), np.asarray(graph.receivers)
+    relative = relative_edges(_in_radii(graph, mesh), nodes["normal"], nodes["frame"], *ends)
+    return graph._replace(edges={"relative": relative})
+
+
+def with_relative_motors(graph: Graph, mesh: Mesh) -> Graph:
+    """The mesh's graph with edges["motor"] added: between frames where it has them, else between normals."""
+    nodes = cast(dict[str, np.ndarray], graph.nodes)
+    motors = frame_motors(_in_radii(graph, mesh), nodes["frame"]) if "frame" in nodes else nodes["motor"]
+    return graph._replace(
+        edges={"motor": relative_motors(motors, np.asarray(graph.senders), np.asarray(graph.receivers))}
+    )
 
 
 def knn_graph(mesh: Mesh, k: int = 16) -> Graph:
@@ -97,20 +117,28 @@ def edgeless_graph(mesh: Mesh) -> Graph:
     return _table_graph(mesh, np.empty((len(mesh.vertices), 0), np.int32))
 
 
-def rings_graph(mesh: Mesh, seed: int = 0, each: int = RING_DRAWS) -> Graph:
-    """`each` neighbours from every ring, near to far, with relative edges; e = v * 4 * each. See `neighbours.rings`."""
-    table = rings(mesh.vertices, seed, RING_SHARES, each, referenced(mesh))
-    return with_relative_edges(_table_graph(mesh, table), mesh)
+def rings_graph(mesh: Mesh, seed: int = 0, each: int = RING_DRAWS, encoding: str = "relative") -> Graph:
+    """`each` neighbours from every ring, near to far; e = v * 4 * each. See `neighbours.rings`.
+
+    There are frames at the nodes; what there is at the edges depends on the encoding.
+    """
+    graph = _table_graph(mesh, rings(mesh.vertices, seed, RING_SHARES, each, referenced(mesh)))
+    return with_relative_edges(graph, mesh) if encoding == "relative" else with_frames(graph, mesh)
 
 
-def build_graph(mesh: Mesh, kind: str, neighbours: int, seed: int = 0) -> Graph:
-    """The graph that a model config names: "knn", "rings" (neighbours must be a multiple of 4) or "none"."""
+def build_graph(mesh: Mesh, kind: str, neighbours: int, seed: int = 0, encoding: str = "relative") -> Graph:
+    """The graph that a model config names: "knn", "rings" (neighbours must be a multiple of 4) or "none".
+
+    `encoding` says what is at the edges: of "rings" the relative features, of any graph "relative-motor".
+    """
     if kind == "knn":
-        return knn_graph(mesh, neighbours)
-    if kind == "rings":
+        graph = knn_graph(mesh, neighbours)
+    elif kind == "rings":
         if neighbours % len(RING_SHARES):
             raise ValueError(f"{neighbours} neighbours in rings: take a multiple of {len(RING_SHARES)}")
-        return rings_graph(mesh, seed, neighbours // len(RING_SHARES))
-    if kind == "none":
-        return edgeless_graph(mesh)
-    raise ValueError(f"unknown graph {kind!r}: known are knn, rings, none")
+        graph = rings_graph(mesh, seed, neighbours // len(RING_SHARES), encoding)
+    elif kind == "none":
+        graph = edgeless_graph(mesh)
+    else:
+        raise ValueError(f"unknown graph {kind!r}: known are knn, rings, none")
+    return with_relative_motors(graph, mesh) if encoding == "relative-motor" else graph

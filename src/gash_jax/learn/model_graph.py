@@ -25,7 +25,7 @@ def model_graph(
     """
     if config.graph == "surfels":
         return surfel_graph(mesh, config.neighbours, available_cores())
-    graph = build_graph(mesh, config.graph, config.neighbours, seed)
+    graph = build_graph(mesh, config.graph, config.neighbours, seed, config.encoding)
     if config.name != "teacher":
         return graph
     if visibility is None:

@@ -126,8 +126,14 @@ class GATv2Conv(nn.Module):
         senders: Senders,
         receivers: Int[Array | np.ndarray, "e"] | None = None,
         mask: Mask | None = None,
+        edges: Float[Array | np.ndarray, "e d"] | None = None,
     ) -> Float[Array, "v {self.features_per_head*self.heads}"]:
-        """New states; `senders` is a table (v, k), or a list with its `receivers`. True in `mask`: the edge counts."""
+        """New states; `senders` is a table (v, k), or a list with its `receivers`. True in `mask`: the edge counts.
+
+        `edges`, with a table only, is the relative motor of each: l_j becomes l_j + W_e e_ij, in weight and message
+        (PyTorch Geometric leaves the edge out of the message, where states that are alike then have nothing to say).
+        Raises ValueError for edges with a list.
+        """
         heads, width = self.heads, self.features_per_head
         glorot = nn.initializers.glorot_uniform()
         source, target = (
@@ -137,8 +143,18 @@ class GATv2Conv(nn.Module):
         attention = self.param("attention", glorot, (heads, width))
         bias = self.param("bias", nn.initializers.zeros_init(), (heads * width,))
 
-        def attend(r: Array, table: Array, keep: Array) -> Array:
+        if edges is not None and receivers is not None:
+            raise ValueError("edges of a list of senders and receivers: give a table of senders")
+        if edges is not None:
+            # the added loop is the motor that moves nothing
+            loop = jnp.zeros((len(x), 1, edges.shape[-1])).at[..., 0].set(1.0)
+            relative = jnp.concatenate([jnp.asarray(edges).reshape(len(x), -1, edges.shape[-1]), loop], axis=1)
+            kernel = self.param("edge", glorot, (edges.shape[-1], heads * width))
+
+        def attend(r: Array, table: Array, keep: Array, own: Array | None) -> Array:
             messages = source[table]
+            if own is not None:
+                messages = messages + (own @ kernel).reshape(messages.shape)
             logits = jnp.sum(attention[None] * nn.leaky_relu(r[None] + messages, SLOPE), axis=-1)
             return jnp.sum(neighbour_softmax(logits, keep)[..., None] * messages, axis=0)
 
@@ -146,7 +162,7 @@ class GATv2Conv(nn.Module):
         if receivers is None:
             keep = jnp.pad(_without_loops(senders, own[:, None], mask), ((0, 0), (0, 1)), constant_values=True)
             table = jnp.concatenate([senders, own[:, None]], axis=1)
-            out = over_vertices(attend, (target, table, keep), self.block)
+            out = over_vertices(attend, (target, table, keep, None if edges is None else relative), self.block)
         else:
             keep = jnp.pad(_without_loops(senders, receivers, mask), (0, len(x)), constant_values=True)
             senders, receivers = jnp.append(senders, own), jnp.append(jnp.asarray(receivers), own)

@@ -1,13 +1,27 @@
-"""What the networks read from a graph: its dictionaries of arrays, and where its edges end.
+"""What the networks read from a graph: its dictionaries of arrays, where its edges end, and a vertex as numbers.
 
 `jraph` leaves the types of nodes and edges open; in this project both are dictionaries of arrays by name.
+
+A vertex is said to a network in one of these encodings:
+
+    motor            the 32 numbers of its motor M = T R (GNN paper, 2.2)
+    motor-7          those of them that are not 0 for every vertex, each once (the e- parts repeat the e+ parts)
+    position-normal  6 numbers
+    relative-motor   the rotor of its normal, 3 numbers; where it is, is said of edges (`graph.encoding`)
 """
 
 from typing import cast
 
 import jax.numpy as jnp
 import jraph
-from jaxtyping import Array, Int
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from gash_jax.algebra import cga
+
+ROTOR = np.array([cga.SCALAR, cga.E12, cga.E23])
+MOTOR_7 = np.array([*ROTOR, cga.E1P, cga.E2P, cga.E3P, cga.E123P])
+VERTEX_ENCODINGS = ("motor", "motor-7", "position-normal")
 
 
 def node_arrays(graph: jraph.GraphsTuple) -> dict[str, Array]:
@@ -33,3 +47,12 @@ def edge_ends(
     if len(senders) != n_node * neighbours:
         raise ValueError(f"{len(senders)} edges at {n_node} nodes: this network wants {neighbours} neighbours at each")
     return senders.reshape(n_node, neighbours), None
+
+
+def vertex_inputs(graph: jraph.GraphsTuple, encoding: str) -> Float[Array, "v d"]:
+    """Every vertex in an encoding of the module docstring."""
+    nodes = node_arrays(graph)
+    if encoding == "position-normal":
+        return jnp.concatenate([nodes["position"], nodes["normal"]], axis=-1)
+    columns = {"motor-7": MOTOR_7, "relative-motor": ROTOR}.get(encoding)
+    return nodes["motor"] if columns is None else nodes["motor"][:, columns]

@@ -8,21 +8,22 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.nn.closed_form import zero_without_normal
-from gash_jax.nn.inputs import node_arrays
+from gash_jax.nn.inputs import node_arrays, vertex_inputs
 
 
 class MLP(nn.Module):
-    """`layers` hidden layers of `channels`, ReLU; reads nodes["motor"] and nodes["normal"]."""
+    """`layers` hidden layers of `channels`, ReLU; reads the vertex in its `encoding` and nodes["normal"]."""
 
     channels: int = 128
     layers: int = 3
     bands: int = 3
+    encoding: str = "motor"
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; nothing here is random, so `deterministic` changes nothing."""
         nodes = node_arrays(graph)
-        x = nodes["motor"]
+        x = vertex_inputs(graph, self.encoding)
         for i in range(self.layers):
             x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
         x = nn.Dense(self.bands**2, name="head")(x)

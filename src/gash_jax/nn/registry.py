@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from flax import linen as nn
 
 from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.nn.inputs import VERTEX_ENCODINGS
 from gash_jax.nn.mlp import MLP
 from gash_jax.nn.ring_net import RingNet
 from gash_jax.nn.surfel_net import SurfelNet
@@ -19,6 +20,15 @@ from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 GRAPHS = ("knn", "rings", "surfels", "none")
 # a model that reads what only one kind of graph has
 OWN_GRAPH = {"rings": "rings", "local": "surfels", "mlp": "none"}
+# what a model can be told of a vertex or of an edge, its default first
+ENCODINGS = {
+    "rings": ("relative", "relative-motor", *VERTEX_ENCODINGS),
+    "local": ("surfels",),
+    "two-stage": VERTEX_ENCODINGS,
+    "gnn": (*VERTEX_ENCODINGS, "relative-motor"),
+    "teacher": VERTEX_ENCODINGS,
+    "mlp": VERTEX_ENCODINGS,
+}
 
 
 class _Defaults(NamedTuple):
@@ -47,7 +57,8 @@ class ModelConfig:
 
     `channels`, `layers`, `heads` are those of the net that predicts coefficients; `visibility_channels` and
     `visibility_layers` belong to the two-stage network alone, `visibility_directions` also to the teacher, `dropout` to
-    both and to the single-stage GNN. `block`: vertices per block in inference, 0 for all at once.
+    both and to the single-stage GNN. `block`: vertices per block in inference, 0 for all at once. `encoding`: see
+    `nn.inputs` and `nn.ring_net`.
     Raises ValueError for values no network can be built from.
     """
 
@@ -63,6 +74,7 @@ class ModelConfig:
     visibility_directions: int = 25
     dropout: float = 0.2
     block: int = 128
+    encoding: str = ""
 
     def __post_init__(self) -> None:
         if self.name not in DEFAULTS:
@@ -70,6 +82,11 @@ class ModelConfig:
         for key, default in DEFAULTS[self.name]._asdict().items():
             if not getattr(self, key):
                 object.__setattr__(self, key, default)
+        known = ENCODINGS[self.name]
+        if not self.encoding:
+            object.__setattr__(self, "encoding", known[0])
+        if self.encoding not in known:
+            raise ValueError(f"model {self.name} has no encoding {self.encoding!r}: known are {', '.join(known)}")
         self._check_numbers()
         if self.graph not in GRAPHS:
             raise ValueError(f"unknown graph {self.graph!r}: known are {', '.join(GRAPHS)}")
@@ -103,16 +120,17 @@ def build_model(config: ModelConfig) -> nn.Module:
     channels, layers, heads, bands = config.channels, config.layers, config.heads, config.bands
     neighbours, block = config.neighbours, config.block or None
     if config.name == "mlp":
-        return MLP(channels, layers, bands)
+        return MLP(channels, layers, bands, config.encoding)
     if config.name == "rings":
-        return RingNet(channels, layers, heads, bands, neighbours, block)
+        return RingNet(channels, layers, heads, bands, neighbours, block, config.encoding)
     if config.name == "local":
         return SurfelNet(channels, layers, bands, neighbours)
     sees = config.name != "gnn"
-    coefficient = CoefficientNet(channels, layers, heads, bands, config.dropout, neighbours, block, sees)
+    coefficient = CoefficientNet(
+        *(channels, layers, heads, bands, config.dropout, neighbours, block, sees, config.encoding)
+    )
     if config.name != "two-stage":
         return coefficient
-    visibility = VisibilityNet(
-        config.visibility_channels, config.visibility_layers, heads, config.visibility_directions, neighbours, block
-    )
+    widths = config.visibility_channels, config.visibility_layers
+    visibility = VisibilityNet(*widths, heads, config.visibility_directions, neighbours, block, config.encoding)
     return TwoStage(visibility, coefficient)

@@ -1,8 +1,9 @@
 """A small network that sees each vertex's surroundings from the vertex's own frame, and predicts only the shadow.
 
-Input are the relative edge features of `graph.encoding`, which do not change when the mesh is moved, turned or scaled;
-there are no absolute coordinates. Output is the residual to the closed form, as coefficients in the frame F_v, turned
-into the world:
+Input are the relative edge features of `graph.encoding` (16 numbers, or with the encoding "relative-motor" 8), which do
+not change when the mesh is moved, turned or scaled; there are no absolute coordinates. With an encoding of vertices
+(`nn.inputs`), which is there to be compared, what is said of an edge is what is said of its two ends. Output is the
+residual to the closed form, as coefficients in the frame F_v, turned into the world:
 
     t(v) = A_l/pi Y(n_v) + D(F_v) r(v)        so t turns with the mesh exactly as transfer does
 
@@ -26,7 +27,7 @@ from jaxtyping import Array, Float, Int
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.nn.attention import SLOPE, neighbour_softmax, over_vertices
 from gash_jax.nn.closed_form import closed_form, zero_without_normal
-from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays
+from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays, vertex_inputs
 
 
 class EdgePooling(nn.Module):
@@ -86,14 +87,14 @@ class RingNet(nn.Module):
     bands: int = 3
     neighbours: int = 32
     block: int | None = None
+    encoding: str = "relative"
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node in world directions; where not `deterministic` (training) in one block."""
         table, _ = edge_ends(graph, self.neighbours)
         block = self.block if deterministic else None
-        nodes, relative = node_arrays(graph), edge_arrays(graph)["relative"]
-        relative = relative.reshape(*table.shape, relative.shape[-1])
+        nodes, relative = node_arrays(graph), _edge_inputs(graph, self.encoding, table)
         x = EdgePooling(self.channels, block, name="pooling")(relative)
         for i in range(self.layers):
             y = nn.LayerNorm(name=f"norm_{i}")(x)
@@ -105,3 +106,13 @@ class RingNet(nn.Module):
         residual = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init(), name="head")(x)
         world = rotate_coefficients(residual, nodes["frame"])
         return closed_form(nodes["normal"], self.bands) + zero_without_normal(world, nodes["normal"])
+
+
+def _edge_inputs(graph: jraph.GraphsTuple, encoding: str, table: Int[Array, "v k"]) -> Float[Array, "v k d"]:
+    name = {"relative": "relative", "relative-motor": "motor"}.get(encoding)
+    if name:
+        edges = edge_arrays(graph)[name]
+        return edges.reshape(*table.shape, edges.shape[-1])
+    ends = vertex_inputs(graph, encoding)
+    receivers = jnp.broadcast_to(ends[:, None], (*table.shape, ends.shape[-1]))
+    return jnp.concatenate([ends[table], receivers], axis=-1)

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from gash_jax.nn.attention import GATv2Conv, TransformerConv
 from gash_jax.nn.closed_form import zero_without_normal
-from gash_jax.nn.inputs import edge_ends, node_arrays
+from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays, vertex_inputs
 
 
 class VisibilityNet(nn.Module):
@@ -33,12 +33,13 @@ class VisibilityNet(nn.Module):
     directions: int = 25
     neighbours: int | None = 16
     block: int | None = None
+    encoding: str = "motor"
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.directions}"]:
         """Logits of every node; where not `deterministic` (training) all vertices are one block."""
         ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
-        x = nn.Dense(self.channels, name="embed")(node_arrays(graph)["motor"])
+        x = nn.Dense(self.channels, name="embed")(vertex_inputs(graph, self.encoding))
         for i in range(self.layers):
             y = TransformerConv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
             x = x + nn.relu(nn.LayerNorm(name=f"norm_{i}")(y))
@@ -46,7 +47,10 @@ class VisibilityNet(nn.Module):
 
 
 class CoefficientNet(nn.Module):
-    """Stage 2: coefficients from the motor and, with `sees_visibility`, nodes["visibility"] (v, n) in 0 .. 1."""
+    """Stage 2: coefficients from the motor and, with `sees_visibility`, nodes["visibility"] (v, n) in 0 .. 1.
+
+    With the encoding "relative-motor" it also reads edges["motor"].
+    """
 
     channels: int = 96
     layers: int = 5
@@ -56,17 +60,20 @@ class CoefficientNet(nn.Module):
     neighbours: int | None = 16
     block: int | None = None
     sees_visibility: bool = True
+    encoding: str = "motor"
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; where not `deterministic` (training) it needs the random stream "dropout"."""
         ends, block = edge_ends(graph, self.neighbours), self.block if deterministic else None
         nodes = node_arrays(graph)
-        names = ("motor", "visibility") if self.sees_visibility else ("motor",)
-        x = jnp.concatenate([nodes[name] for name in names], axis=-1)
+        x = vertex_inputs(graph, self.encoding)
+        if self.sees_visibility:
+            x = jnp.concatenate([x, nodes["visibility"]], axis=-1)
+        motors = edge_arrays(graph)["motor"] if self.encoding == "relative-motor" else None
         x = nn.Dense(self.channels, name="embed")(x)
         for i in range(self.layers):
-            y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends)
+            y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends, edges=motors)
             x = x + nn.Dropout(self.dropout, name=f"dropout_{i}")(nn.relu(y), deterministic=deterministic)
         x = nn.Dense(self.bands**2, name="head")(x)
         return zero_without_normal(x, nodes["normal"])
