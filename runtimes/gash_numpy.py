@@ -658,6 +658,9 @@ def predict(
     config, a = model
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config["neighbours"]
+    usual = {"rings": "relative", "local": "surfels"}.get(name, "motor")
+    if config.get("encoding", usual) != usual:
+        raise ValueError(f"{name} with the encoding {config['encoding']}: this file knows {usual} only")
     if name == "local":
         return surfel_net(model, vertices, normals, faces)[0]
     positions, used = normalised_positions(vertices, faces)

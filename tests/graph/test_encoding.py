@@ -5,9 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gash_jax.algebra.motors import motor
+from gash_jax.algebra.cga import geometric_product, reverse
+from gash_jax.algebra.motors import apply_motor, motor
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.graph.encoding import EDGE_BLOCK, edge_features, motor_nodes, relative_edges, vertex_frames
+from gash_jax.graph.encoding import (
+    EDGE_BLOCK,
+    MOTOR_8,
+    edge_features,
+    frame_motors,
+    motor_nodes,
+    relative_edges,
+    relative_motors,
+    vertex_frames,
+)
 from gash_jax.graph.neighbours import rings
 
 
@@ -121,3 +131,58 @@ def test_features_under_jit_and_vmap() -> None:
     np.testing.assert_allclose(jax.jit(edge_features)(*arrays), plain, atol=1e-6)
     batched = jax.vmap(edge_features)(*(a.reshape(3, 4, *a.shape[1:]) for a in arrays))
     np.testing.assert_allclose(batched.reshape(12, 16), plain, atol=1e-6)
+
+
+def test_motors_of_frames_take_origin_and_axes_to_the_vertex(bumpy: Mesh) -> None:
+    frames = vertex_frames(bumpy.vertices, bumpy.normals, *_edges(bumpy.vertices))
+    motors = jnp.asarray(frame_motors(bumpy.vertices, frames))
+    np.testing.assert_allclose(apply_motor(motors, jnp.zeros(3)), bumpy.vertices, atol=1e-6)
+    for axis in range(3):
+        expected = bumpy.vertices + frames[:, :, axis]
+        np.testing.assert_allclose(apply_motor(motors, jnp.eye(3)[axis]), expected, atol=2e-6)
+
+
+def test_relative_motors_are_the_geometric_product_with_the_inverse(bumpy: Mesh) -> None:
+    senders, receivers = _edges(bumpy.vertices)
+    motors = motor_nodes(bumpy.vertices, bumpy.normals)
+    found = relative_motors(motors, senders, receivers)
+    assert found.shape == (len(senders), 8) and found.dtype == np.float32 and (found[:, 0] >= 0).all()
+    product = np.asarray(geometric_product(reverse(jnp.asarray(motors[receivers])), jnp.asarray(motors[senders])))
+    product = np.where(product[:, :1] < 0, -product, product)
+    # half turns have both signs
+    clear = product[:, 0] > 1e-4
+    np.testing.assert_allclose(found[clear], product[clear][:, MOTOR_8], atol=1e-5)
+    # nothing is lost: e- parts repeat e+ parts, everything else is 0
+    rest = np.setdiff1d(np.arange(32), [*MOTOR_8, *(MOTOR_8[4:] + 8)])
+    np.testing.assert_allclose(product[:, rest], 0, atol=1e-5)
+    np.testing.assert_allclose(product[:, MOTOR_8[4:] + 8], product[:, MOTOR_8[4:]], atol=1e-5)
+
+
+def test_relative_motor_by_hand() -> None:
+    # a shift by 2 along the receiver's own normal and no turn: 1 - t e_inf / 2, with e_inf = e+ + e-
+    positions = np.array([[1, 0, 0], [3, 0, 0]], np.float32)
+    normals = np.array([[1, 0, 0], [1, 0, 0]], np.float32)
+    motors = motor_nodes(positions, normals)
+    found = relative_motors(motors, np.array([1, 0], np.int32), np.array([0, 0], np.int32))
+    # in the receiver's axes the normal is e_y
+    np.testing.assert_allclose(found, [[1, 0, 0, 0, 0, -1, 0, 0], [1, 0, 0, 0, 0, 0, 0, 0]], atol=1e-6)
+
+
+def test_relative_motors_of_normals_know_the_world_those_of_frames_do_not(bumpy: Mesh, rotation: np.ndarray) -> None:
+    senders, receivers = _edges(bumpy.vertices)
+    shifted, turned = (transform(bumpy, *motion) for motion in ((np.eye(3), np.array([0.5, -0.25, 1.0])), (rotation,)))
+
+    def between_normals(mesh: Mesh) -> np.ndarray:
+        return relative_motors(motor_nodes(mesh.vertices, mesh.normals), senders, receivers)
+
+    def between_frames(mesh: Mesh) -> np.ndarray:
+        frames = vertex_frames(mesh.vertices, mesh.normals, senders, receivers)
+        return relative_motors(frame_motors(mesh.vertices, frames), senders, receivers)
+
+    base = between_normals(bumpy)
+    near = lambda a, b: np.minimum(np.abs(a - b).max(1), np.abs(a + b).max(1))  # noqa: E731 - either sign
+    np.testing.assert_allclose(near(between_normals(shifted), base), 0, atol=1e-5)
+    assert np.median(near(between_normals(turned), base)) > 0.05
+    change = near(between_frames(turned), between_frames(bumpy))
+    # where a mean offset all but vanishes its direction is rounding
+    assert np.quantile(change, 0.9) < 1e-4

@@ -16,7 +16,9 @@ from gash_jax.graph.mesh_graph import (
     radius_graph,
     rings_graph,
     surface_radius,
+    with_frames,
     with_relative_edges,
+    with_relative_motors,
 )
 from gash_jax.graph.neighbours import knn, mesh_edges, rings
 
@@ -127,9 +129,24 @@ def test_build_graph_by_name(bumpy: Mesh) -> None:
     v = len(bumpy.vertices)
     np.testing.assert_array_equal(build_graph(bumpy, "knn", 6).senders, knn_graph(bumpy, 6).senders)
     np.testing.assert_array_equal(build_graph(bumpy, "rings", 32, 4).senders, rings_graph(bumpy, 4).senders)
+    motors: Any = build_graph(bumpy, "knn", 6, encoding="relative-motor")
+    assert motors.edges["motor"].shape == (6 * v, 8) and "frame" not in motors.nodes
+    framed: Any = build_graph(bumpy, "rings", 16, encoding="relative-motor")
+    assert framed.edges["motor"].shape == (16 * v, 8) and set(framed.edges) == {"motor"}
+    plain: Any = build_graph(bumpy, "rings", 16, encoding="motor-7")
+    assert plain.edges == {} and plain.nodes["frame"].shape == (v, 3, 3)
     for kind, k in (("rings", 16), ("none", 0)):
         assert build_graph(bumpy, kind, k).n_edge.tolist() == [k * v]
     with pytest.raises(ValueError, match="multiple of 4"):
         build_graph(bumpy, "rings", 30)
     with pytest.raises(ValueError, match="known are knn, rings, none"):
         build_graph(bumpy, "ring", 32)
+
+
+def test_motors_between_frames_see_neither_unit_nor_axes(bumpy: Mesh, rotation: np.ndarray) -> None:
+    graph: Any = build_graph(bumpy, "rings", 32, encoding="relative-motor")
+    turned = transform(bumpy, rotation, np.array([3.0, -1.0, 2.0]), 7.5)
+    bare = edgeless_graph(turned)._replace(senders=graph.senders, receivers=graph.receivers)
+    moved: Any = with_relative_motors(with_frames(bare), turned)
+    change = np.abs(moved.edges["motor"] - graph.edges["motor"]).max(1)
+    assert np.quantile(change, 0.9) < 1e-4

@@ -181,3 +181,27 @@ def test_the_fixed_path_scatters_nothing(layer: str) -> None:
     assert "scatter" not in str(jax.make_jaxpr(module.apply)(variables, x, table))
     receivers = np.repeat(np.arange(len(x), dtype=np.int32), table.shape[1])
     assert "scatter" in str(jax.make_jaxpr(module.apply)(variables, x, table.ravel(), receivers))
+
+
+def test_motors_of_edges_enter_weight_and_message_of_gatv2() -> None:
+    rng = np.random.default_rng(0)
+    v, k, heads, width = 6, 3, 2, 4
+    x, edges = rng.normal(size=(v, 5)).astype(np.float32), rng.normal(size=(v * k, 8)).astype(np.float32)
+    table = np.stack([rng.permutation(np.delete(np.arange(v), i))[:k] for i in range(v)]).astype(np.int32)
+    module = GATv2Conv(width, heads)
+    variables = random_variables(module, x, table, None, None, edges)
+    p = jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), variables["params"])
+    assert p["edge"].shape == (8, heads * width)
+    affine = lambda name: x @ p[name]["kernel"] + p[name]["bias"]  # noqa: E731
+    source, target, expected = affine("source"), affine("target"), np.zeros((v, heads * width))
+    identity = np.eye(8)[0]
+    for i in range(v):
+        ends = [(j, edges[i * k + n]) for n, j in enumerate(table[i])] + [(i, identity)]
+        messages = np.array([source[j] + e @ p["edge"] for j, e in ends]).reshape(-1, heads, width)
+        hidden = messages + target[i].reshape(heads, width)
+        weights = np.exp((np.where(hidden > 0, hidden, 0.2 * hidden) * p["attention"]).sum(-1))
+        expected[i] = ((weights / weights.sum(0))[..., None] * messages).sum(0).ravel() + p["bias"]
+    found = jax.jit(module.apply)(variables, x, table, None, None, edges)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    with pytest.raises(ValueError, match="give a table"):
+        module.apply(variables, x, table.ravel(), np.repeat(np.arange(v, dtype=np.int32), k), None, edges)

@@ -3,10 +3,12 @@
 from dataclasses import asdict
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from gash_jax.learn.model_graph import model_graph
-from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
+from gash_jax.nn.registry import DEFAULTS, ENCODINGS, ModelConfig, build_model
 from tests.helpers.bumpy import bumpy_mesh
 
 
@@ -54,9 +56,24 @@ def test_round_trip(name: str) -> None:
         ({"name": "local", "graph": "rings"}, "it takes surfels and no other"),
         ({"name": "two-stage", "graph": "none"}, "cannot use graph none: it needs edges"),
         ({"name": "gnn", "graph": "surfels"}, "cannot use graph surfels: it needs edges"),
+        ({"name": "mlp", "encoding": "relative-motor"}, "known are motor, motor-7, position-normal"),
+        ({"name": "local", "encoding": "motor"}, "local has no encoding 'motor': known are surfels"),
         ({"name": "mlp", "graph": "knn"}, "cannot use graph knn: it takes none and no other"),
     ],
 )
 def test_wrong_values_are_named(values: dict, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         ModelConfig(**values)
+
+
+@pytest.mark.parametrize(("name", "encoding"), [(name, each) for name, known in ENCODINGS.items() for each in known])
+def test_every_encoding_is_read_and_gives_finite_gradients(name: str, encoding: str) -> None:
+    config = ModelConfig(
+        name, channels=8, layers=1, visibility_channels=8, heads=2 * (name != "local"), encoding=encoding
+    )
+    graph = model_graph(config, bumpy_mesh(20))
+    module = build_model(config)
+    variables = jax.jit(module.init)(jax.random.key(0), graph)
+    gradient = jax.jit(jax.grad(lambda v: jnp.sum(module.apply(v, graph) ** 2)))(variables)
+    sizes = jax.tree.map(lambda leaf: float(jnp.abs(leaf).max()), gradient)
+    assert all(np.isfinite(size) for size in jax.tree.leaves(sizes)) and max(jax.tree.leaves(sizes)) > 0

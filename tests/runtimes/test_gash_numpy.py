@@ -188,6 +188,12 @@ def test_a_teacher_without_visibility_is_told_so(tmp_path: Path) -> None:
         gash_numpy.predict(model, *MESHES["odd"])
 
 
+def test_an_encoding_it_does_not_know_is_refused(tmp_path: Path) -> None:
+    model = gash_numpy.load_model(str(_written(NETS["gnn"], tmp_path / "m.npz")))
+    with pytest.raises(ValueError, match="gnn with the encoding motor-7: this file knows motor only"):
+        gash_numpy.predict(model._replace(config={**model.config, "encoding": "motor-7"}), *MESHES["odd"])
+
+
 def _documented() -> dict[str, dict[str, str]]:
     """Arrays by model: the rows of the tables of docs/model_file.md, as name -> shape."""
     tables, model = {}, ""

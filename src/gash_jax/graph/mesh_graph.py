@@ -65,8 +65,8 @@ def surface_radius(mesh: Mesh) -> float:
     return scale * float(np.sqrt(areas @ np.einsum("fi,fi->f", middles, middles) / total))
 
 
-def with_frames(graph: Graph, mesh: Mesh) -> Graph:
-    """The mesh's graph with nodes["frame"] added."""
+def with_frames(graph: Graph) -> Graph:
+    """The graph with nodes["frame"] added."""
     nodes = cast(dict[str, np.ndarray], graph.nodes)
     frames = vertex_frames(nodes["position"], nodes["normal"], np.asarray(graph.senders), np.asarray(graph.receivers))
     return graph._replace(nodes={**nodes, "frame": frames})
@@ -80,7 +80,7 @@ def _in_radii(graph: Graph, mesh: Mesh) -> np.ndarray:
 
 def with_relative_edges(graph: Graph, mesh: Mesh) -> Graph:
     """The mesh's graph with nodes["frame"] and edges["relative"] added; lengths in units of `surface_radius`."""
-    graph = with_frames(graph, mesh)
+    graph = with_frames(graph)
     nodes = cast(dict[str, np.ndarray], graph.nodes)
     ends = np.asarray(graph.senders), np.asarray(graph.receivers)
     relative = relative_edges(_in_radii(graph, mesh), nodes["normal"], nodes["frame"], *ends)
@@ -123,7 +123,7 @@ def rings_graph(mesh: Mesh, seed: int = 0, each: int = RING_DRAWS, encoding: str
     There are frames at the nodes; what there is at the edges depends on the encoding.
     """
     graph = _table_graph(mesh, rings(mesh.vertices, seed, RING_SHARES, each, referenced(mesh)))
-    return with_relative_edges(graph, mesh) if encoding == "relative" else with_frames(graph, mesh)
+    return with_relative_edges(graph, mesh) if encoding == "relative" else with_frames(graph)
 
 
 def build_graph(mesh: Mesh, kind: str, neighbours: int, seed: int = 0, encoding: str = "relative") -> Graph:
