@@ -588,7 +588,7 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
         gate = (seen / (seen + np.float32(0.01))).reshape(-1, 1)
         residual = rotate_sh(gate * dense(a, "head", x), frames.reshape(-1, 3, 3))
         doubt = dense(a, "error", np.tanh(dense(a, "doubt", x)))
-        doubt = -14 + 13 / (1 + np.exp(-doubt)) + 2 * np.log(gate + np.float32(0.01))
+        doubt = -14 + 11 / (1 + np.exp(-doubt))
         # the last block repeats its last vertex, with the same result
         found = fall_back(residual, doubt, facing.reshape(-1, 3))
         coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found

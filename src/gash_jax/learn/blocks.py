@@ -22,13 +22,13 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.learn.batches import Batch, Example
-from gash_jax.nn.surfel_net import BLOCK, by_band, fall_back
+from gash_jax.nn.surfel_net import BLOCK, fall_back
 from gash_jax.prt.transfer import unshadowed_transfer
 
 SOFTENING = 0.1
 HIDDEN, REVERSED = 0.08, 0.04
 # blocks that stay in the cache together, and blocks per compiled call
-GROUP, CALL = 4, 64
+GROUP, CALL = 4, 128
 # a batch can be spread over this many devices, or a divisor of it
 SHARES = 8
 
@@ -133,8 +133,7 @@ def run_blocks(module: nn.Module, params: Any, nodes: dict[str, Array], surfels:
     variables = {"params": params}
     grouped = jax.tree.map(lambda a: a.reshape(-1, GROUP, *a.shape[1:]), (nodes, surfels))
     seen = jax.lax.map(lambda part: module.apply(variables, block_graph(*part), method="look"), grouped)
-    # groups side by side in the last axis, that of the blocks
-    seen = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2).reshape(*a.shape[1:-1], -1), seen)
+    seen = jax.tree.map(lambda a: a.reshape(-1, *a.shape[2:]), seen)
     normals = nodes["normal"].reshape(-1, 3)
     output = module.apply(variables, *seen, normals, method="answer")
     return fall_back(jnp.asarray(output), normals, module.bands).reshape(len(surfels), BLOCK, -1)
@@ -162,4 +161,4 @@ def predict_blocks(
     slot = np.asarray(cast(dict, graph.globals)["slot"])[0]
     output = np.concatenate(outputs).reshape(-1, outputs[0].shape[-1])[slot]
     coefficients, error = output[:, : bands**2], output[:, bands**2 :]
-    return np.ascontiguousarray(coefficients), np.asarray(by_band(jnp.asarray(error), bands))
+    return np.ascontiguousarray(coefficients), np.repeat(error, 2 * np.arange(bands) + 1, axis=1)

@@ -21,7 +21,8 @@ Beside the coefficients the network predicts, per band, the mean square error of
 from z; they are learnt after it. Where it expects to be worse than the closed form it falls back in that proportion.
 """
 
-from functools import partial, reduce
+from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -43,23 +44,25 @@ FLOOR = 1e-12
 TINY = 1e-20
 # its inverse square, in gradients, is a float32
 SMALLEST_AREA = 1e-18
-# of the logarithm of a mean square error: outside, its likelihood overflows
-LOG_RANGE = (-14.0, -1.0)
+# of the logarithm of a mean square error: beyond, its likelihood overflows, or what is unlike the corpus runs away
+LOG_RANGE = (-14.0, -3.0)
 # a surfel whose middle is the vertex reaches infinitely far for its distance
 FARTHEST = 4.0
 # a surfel seen edge-on still covers this part of its area: below, float32 does not tell how much it covers
 EDGE_ON = 0.01
 
-# pairs of surfel n and vertex w of block b; arrays of vertices are "w b"
-Pair = Float[Array, "n w b"]
-ByVertex = Float[Array, "_ w b"]
+# pairs of vertex w of block b and surfel n: surfels are what is contiguous, so that loops are over whole vectors
+Pair = Float[Array, "b w n"]
+# corners of a vertex's own faces, vertices contiguous
+Corner = Float[Array, "m v"]
+Vector = list[Array]
 
 
-def _dot(a: list[Array], b: list[Array]) -> Array:
+def _dot(a: Vector, b: Vector) -> Array:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _quadratic(form: list[Array], u: list[Array]) -> Array:
+def _quadratic(form: Vector, u: Vector) -> Array:
     """u' S u of S = (xx, yy, zz, xy, xz, yz)."""
     x, y, z = u
     return (
@@ -98,19 +101,18 @@ class SurfelNet(nn.Module):
         output = self.with_error(graph)
         return fall_back(output, node_arrays(graph)["normal"], self.bands)
 
-    def look(self, graph: jraph.GraphsTuple) -> tuple[list[ByVertex], list[ByVertex], Float[Array, "w b"]]:
-        """Pooled features, axes of the frames, and how much stands above the tangent plane."""
+    def look(self, graph: jraph.GraphsTuple) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
+        """First states, frames, and how much stands above the tangent plane."""
         nodes, surfels = node_arrays(graph), edge_arrays(graph)["surfel"]
-        surfels = surfels.reshape(-1, self.neighbours, surfels.shape[-1])
-        # one array a component, blocks in the last axis: elementwise passes over whole vectors
-        surfel = surfels.transpose(2, 1, 0)[:, :, None]
-        shape = (len(surfels), BLOCK, -1)
-        position, normal = (list(nodes[name].reshape(shape).transpose(2, 1, 0)) for name in ("position", "normal"))
-        near = nodes["near"].reshape(*shape[:2], -1, 6).transpose(3, 2, 1, 0)
-        own = [n[None] for n in normal]
-        offset = [surfel[i] - position[i][None] for i in range(3)]
+        # one array a component
+        surfel = surfels.reshape(-1, self.neighbours, surfels.shape[-1]).transpose(2, 0, 1)[:, :, None]
+        blocks = len(surfel[0])
+        position, normal = (nodes[name].reshape(blocks, BLOCK, 3).transpose(2, 0, 1) for name in ("position", "normal"))
+        own = list(normal[..., None])
+        offset = [surfel[i] - position[i][..., None] for i in range(3)]
         square = _dot(offset, offset) + FLOOR
-        inverse = jax.lax.rsqrt(square)
+        distance = jnp.sqrt(square)
+        inverse = 1 / distance
         u = [o * inverse for o in offset]
         vector, area, size = list(surfel[3:6]), surfel[6], surfel[7]
         floor = jnp.square(area * np.float32(EDGE_ON / (4 * np.pi))) + SMALLEST_AREA**2
@@ -122,43 +124,40 @@ class SurfelNet(nn.Module):
         reach = jnp.sqrt(jnp.maximum(_quadratic(list(surfel[14:20]), own), 0) + TINY) * inverse
         reach = jnp.minimum(reach, FARTHEST)
         partly = angle * jnp.clip(height + reach, 0, 1)
-        corner = list(near[:3])
-        away = jax.lax.rsqrt(_dot(corner, corner) + FLOOR)
-        v = [c * away for c in corner]
-        frame = _frames(normal, u, above, angle, v)
-        axes = [[component[None] for component in axis] for axis in frame]
+        corners = nodes["near"].reshape(blocks * BLOCK, -1, 6).transpose(2, 1, 0)
+        away = jnp.sqrt(_dot(list(corners[:3]), list(corners[:3])) + FLOOR)
+        v = [c / away for c in corners[:3]]
+        frame = _frames(list(normal), u, above, angle, v)
+        axes = [[component[..., None] for component in axis] for axis in frame]
         x, y = _dot(u, axes[0]), _dot(u, axes[1])
         flux = jnp.clip(-_dot(u, vector) / jnp.maximum(covered, SMALLEST_AREA), -2, 2)
-        facing = [_dot(vector, axis) / jnp.maximum(area, SMALLEST_AREA) for axis in axes]
-        distance = square * inverse
+        unit = 1 / jnp.maximum(area, SMALLEST_AREA)
+        facing = [_dot(vector, axis) * unit for axis in axes]
         features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
         features += [jnp.sqrt(jnp.maximum(angle, TINY)), flux, reach, size / (size + distance)]
         h = self.surfel([*features, facing[2], facing[0], facing[1], _root(distance)])
-        pooled = [_total(weight[None] * h, 1) for weight in (above, partly)]
-        g = self.near(_near_features(list(near[3:]), v, away, axes))
-        corners = len(away)
-        edge = _root(_total(1 / away, 0) / corners)
-        total, most = _total(above, 0), _most(above, 0)
-        rise = _total(jnp.maximum(_dot(v, own), 0), 0) / corners
-        pooled += [_total(g, 1) / corners, _most(g, 1), jnp.stack([total, most, edge])]
-        return pooled, [jnp.stack(axis) for axis in frame], total + rise
+        pooled = [_total(weight[None] * h).reshape(len(h), -1) for weight in (above, partly)]
+        g = self.near(_near_features(list(corners[3:]), v, away, [[a.reshape(1, -1) for a in axis] for axis in frame]))
+        count = len(away)
+        pooled += [jnp.sum(g, axis=1) / count, jnp.max(g, axis=1)]
+        total = _total(above).reshape(-1)
+        pooled += [jnp.stack([total, _most(above).reshape(-1), _root(jnp.sum(away, axis=0) / count)])]
+        rise = jnp.maximum(_dot(v, [n.reshape(1, -1) for n in normal]), 0)
+        frames = jnp.stack([jnp.stack(axis, axis=-1) for axis in frame], axis=-1)
+        x = nn.relu(self.mix(jnp.concatenate(pooled).T))
+        return x, frames.reshape(-1, 3, 3), total + jnp.sum(rise, axis=0) / count
 
     def answer(
-        self, pooled: list[ByVertex], frame: list[ByVertex], seen: Float[Array, "w b"], normals: Array
+        self, x: Float[Array, "v c"], frames: Float[Array, "v 3 3"], seen: Float[Array, "v"], normals: Array
     ) -> Float[Array, "v m"]:
         """What `with_error` says, from what `look` saw."""
-        z = jnp.concatenate(pooled).transpose(2, 1, 0).reshape(len(normals), -1)
-        frames = jnp.stack(frame, axis=1).transpose(3, 2, 0, 1).reshape(-1, 3, 3)
-        seen = seen.T.reshape(-1)
-        x = nn.relu(self.mix(z))
         for hidden in self.hidden:
             x = x + nn.relu(hidden(x))
         gate = (seen / (seen + GATE))[:, None]
         residual = gate * self.head(x)
-        # bounded, so that what is unlike the corpus is not extrapolated
         y = nn.tanh(self.doubt(x))
         low, high = LOG_RANGE
-        errors = low + (high - low) * nn.sigmoid(self.error(y)) + 2 * jnp.log(gate + GATE)
+        errors = low + (high - low) * nn.sigmoid(self.error(y))
         world = rotate_coefficients(residual, frames)
         exact = closed_form(normals, self.bands)
         return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
@@ -169,26 +168,36 @@ def _root(distance: Array) -> Array:
     return jnp.sqrt(jnp.sqrt(jnp.maximum(distance, TINY)))
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _total(x: Array, axis: int) -> Array:
-    """Sum over an axis before the last, term by term: a reduction XLA would run number by number on a CPU."""
-    return reduce(jnp.add, [jax.lax.index_in_dim(x, k, axis, keepdims=False) for k in range(x.shape[axis])])
+def _halved(x: Array, together: Callable[[Array, Array], Array]) -> Array:
+    """The last axis brought to one by halves: whole vectors, where XLA would reduce number by number on a CPU."""
+    while (count := x.shape[-1]) > 1:
+        half = count // 2
+        rest = x[..., 2 * half :]
+        x = together(x[..., :half], x[..., half : 2 * half])
+        x = jnp.concatenate([x, rest], axis=-1) if count % 2 else x
+    return x[..., 0]
+
+
+@jax.custom_jvp
+def _total(x: Float[Array, "... n"]) -> Float[Array, "..."]:
+    """Sum over surfels."""
+    return _halved(x, jnp.add)
 
 
 @_total.defjvp
-def _total_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    return _total(primals[0], axis), jnp.sum(tangents[0], axis=axis)
+def _total_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    return _total(primals[0]), jnp.sum(tangents[0], axis=-1)
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _most(x: Array, axis: int) -> Array:
-    """Maximum, as `_total`."""
-    return reduce(jnp.maximum, [jax.lax.index_in_dim(x, k, axis, keepdims=False) for k in range(x.shape[axis])])
+@jax.custom_jvp
+def _most(x: Float[Array, "... n"]) -> Float[Array, "..."]:
+    """Maximum over surfels."""
+    return _halved(x, jnp.maximum)
 
 
 @_most.defjvp
-def _most_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    return _most(primals[0], axis), jax.jvp(partial(jnp.max, axis=axis), primals, tangents)[1]
+def _most_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    return _most(primals[0]), jax.jvp(partial(jnp.max, axis=-1), primals, tangents)[1]
 
 
 class _Pairs(nn.Module):
@@ -197,21 +206,21 @@ class _Pairs(nn.Module):
     channels: int
 
     @nn.compact
-    def __call__(self, features: list[Array]) -> Float[Array, "c n w b"]:
+    def __call__(self, features: list[Array]) -> Float[Array, "c ..."]:
         kernel = self.param("kernel", nn.initializers.lecun_normal(), (len(features), self.channels))
         bias = self.param("bias", nn.initializers.zeros_init(), (self.channels,))
         shape = features[0].shape
         flat = jnp.stack(features).reshape(len(features), -1)
         product = jax.lax.dot_general(kernel, flat, (((0,), (0,)), ((), ())))
-        return nn.relu(product.reshape(-1, *shape) + bias[:, None, None, None])
+        return nn.relu((product + bias[:, None]).reshape(-1, *shape))
 
 
-def _frames(
-    normal: list[Array], u: list[Array], above: Pair, angle: Pair, near: list[Array]
-) -> list[list[Float[Array, "w b"]]]:
+def _frames(normal: Vector, u: Vector, above: Pair, angle: Pair, near: Vector) -> list[list[Float[Array, "b w"]]]:
     """Axes of frames whose first looks where most is hidden, components of each."""
     weight = above + 1e-3 * angle
-    hidden = [_total(weight * a, 0) + 1e-4 / len(b) * _total(b, 0) for a, b in zip(u, near, strict=True)]
+    shape = normal[0].shape
+    around = [1e-4 / len(b) * jnp.sum(b, axis=0).reshape(shape) for b in near]
+    hidden = [_total(weight * a) + b for a, b in zip(u, around, strict=True)]
     upward = _dot(hidden, normal)
     tangent = [h - upward * n for h, n in zip(hidden, normal, strict=True)]
     known = _dot(tangent, tangent) > 1e-16
@@ -222,14 +231,13 @@ def _frames(
     return [first, second, normal]
 
 
-def _near_features(normal: list[Array], v: list[Array], away: Array, axes: list[list[Array]]) -> list[Array]:
+def _near_features(normal: Vector, v: Vector, away: Corner, axes: list[Vector]) -> list[Corner]:
     """What is said of the corners of a vertex's own faces: direction, normal, distance in units of their mean."""
     x, y, z = (_dot(v, axis) for axis in axes)
     turned = [_dot(normal, axis) for axis in axes]
-    length = 1 / away
-    relative = length / (_total(length, 0) / len(length) + 1e-9)[None]
+    relative = away / (jnp.sum(away, axis=0) / len(away) + 1e-9)[None]
     features = [x, y, z, x * y, y * z, x * z, 0.5 * (x * x - y * y), z * z, *turned, _dot(normal, v), relative]
-    return [*features, _root(length)]
+    return [*features, _root(away)]
 
 
 def by_band(values: Float[Array, "v b"], bands: int) -> Float[Array, "v k"]:
