@@ -1,6 +1,6 @@
 """The results page, made whole from what the experiments wrote: `.venv/bin/python docs/results_page.py`.
 
-Reads docs/results/*.json and experiments/latent_depth/results.csv, writes docs/results.md.
+Reads docs/results/*.json and what is in experiments/latent_depth and experiments/cga, writes docs/results.md.
 """
 
 import csv
@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import local_tables
 from baking_tables import origin
+from cga_table import encodings
 from local_tables import table as _table
 
 # the papers' own numbers: Tables 3 and 5 of the GNN paper (vertices, PRT s, network ms)
@@ -168,6 +169,11 @@ def renewed(result: dict[str, Any]) -> str:
     return "".join(f" `{name}`: {origin(entry)}." for name, entry in result.get("renewed", {}).items())
 
 
+def trained_at(result: dict[str, Any]) -> str:
+    """The commits of the runs of a sweep."""
+    return ", ".join(sorted({row["commit"] for row in result["rows"]}))
+
+
 def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     """The whole document."""
     text = (Path(__file__).parent / "results_text.md").read_text(encoding="utf-8")
@@ -181,6 +187,8 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "LATENCY": latency(times),
         "SCENE": moving_scene(scene),
         "SWEEP": sweep(sweep_file),
+        "ENCODINGS": encodings(results["cga"]),
+        "CGA": f"{origin(results['cga'])}; trained at commit {trained_at(results['cga'])}.",
         "TIMES": f"{origin(times)}.",
         "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex."
         + renewed(result),
@@ -204,6 +212,7 @@ RESULTS = ("neural_gash", "latency", "scene", "local_trust", "local_speed")
 def committed_page() -> str:
     """The document of the results that are committed."""
     results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
+    results["cga"] = json.loads((ROOT / "experiments" / "cga" / "results.json").read_text())
     return page(results, ROOT / "experiments" / "latent_depth" / "results.csv")
 
 

@@ -65,6 +65,8 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     fast = speed.main("local", None, None, tmp_path / "speed.json", quick=True)
     assert all(row["network"] > 0 for row in fast["rows"]) and fast["sizes"][0]["vertices"] == 10242
     results = {"neural_gash": result, "latency": times, "scene": moving, "local_trust": trusted, "local_speed": fast}
+    run = {"form": "gnn", "encoding": "motor", "seed": 0, "parameters": 1, "steps": 2, "skill": 0.5, "commit": "c"}
+    results["cga"] = {**{key: result[key] for key in ("machine", "commit")}, "rows": [{**run, "meshes": {"a": 0.25}}]}
     text = results_page.page(results, tmp_path / "sweep.csv")
     assert "<!--" not in text and "| two-stage + AO |" in text and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
     (row,) = result["rows"]

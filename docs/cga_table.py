@@ -1,0 +1,52 @@
+"""The table of encodings on the results page, from experiments/cga/results.json."""
+
+from typing import Any
+
+import numpy as np
+from local_tables import table
+from scipy.stats import t as student
+
+FORMS = {"gnn": "published", "rings": "ours"}
+ENCODINGS = {
+    "position-normal": "position and normal, 6 numbers",
+    "motor-7": "motor, 7 numbers",
+    "motor": "motor, 32 numbers",
+    "relative-motor": "relative motors of edges, 8 numbers",
+    "relative": "relative features of edges, 16 numbers",
+}
+
+
+def interval(values: np.ndarray) -> str:
+    """Mean and half the width of its 95 % interval by Student's t; the mean alone of a single value."""
+    mean = f"{values.mean():.3f}"
+    if len(values) < 2:
+        return mean
+    half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    return f"{mean} ± {half:.3f}"
+
+
+def _median_skill(row: dict[str, Any]) -> float:
+    return float(np.median([value for value in row["meshes"].values() if isinstance(value, float)]))
+
+
+def encodings(result: dict[str, Any]) -> str:
+    """A row for each form and encoding: skills with intervals over seeds, and the difference to position and normal.
+
+    Runs of one seed see the same batches, so differences are taken seed by seed.
+    """
+    by_cell: dict[tuple[str, str], dict[int, dict[str, Any]]] = {}
+    for row in result["rows"]:
+        by_cell.setdefault((row["form"], row["encoding"]), {})[row["seed"]] = row
+    rows = []
+    for form, encoding in sorted(by_cell, key=lambda cell: (cell[0], list(ENCODINGS).index(cell[1]))):
+        cell, plain = by_cell[form, encoding], by_cell.get((form, "position-normal"), {})
+        cells = [FORMS[form], ENCODINGS[encoding], str(next(iter(cell.values()))["parameters"])]
+        cells += [f"{np.mean([row['steps'] for row in cell.values()]):.0f}", str(len(cell))]
+        common = sorted(set(cell) & set(plain))
+        for measure in (lambda row: row["skill"], _median_skill):
+            cells.append(interval(np.array([measure(row) for row in cell.values()])))
+            gain = np.array([measure(cell[seed]) - measure(plain[seed]) for seed in common])
+            cells.append("" if encoding == "position-normal" or not common else interval(gain))
+        rows.append(cells)
+    header = ["form", "a vertex is", "parameters", "steps", "seeds", "skill, generated shapes", "against the first"]
+    return table([*header, "median skill, unseen meshes", "against the first"], rows)

@@ -1,0 +1,86 @@
+"""The comparison of encodings: its sweep is what it says, unseen meshes are scored once, intervals by hand."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/cga", "docs")]
+
+import cga_table  # noqa: E402  # pyright: ignore[reportMissingImports]
+import unseen  # noqa: E402  # pyright: ignore[reportMissingImports]
+
+from gash_jax.learn.model import save_model  # noqa: E402
+from gash_jax.learn.model_graph import model_graph  # noqa: E402
+from gash_jax.learn.sweep import load_sweep  # noqa: E402
+from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
+from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
+
+
+def test_the_sweep_gives_everyone_the_same_budget_and_shapes() -> None:
+    runs = load_sweep(ROOT / "experiments" / "cga" / "sweep.toml")[1]
+    assert len(runs) == 45 and len({run.id for run in runs}) == 45
+    assert len({(run.config.train.seconds, run.config.train.clock, run.config.data) for run in runs}) == 1
+    assert [run.seed for run in runs[:40]] == sorted(run.seed for run in runs[:40])
+    cells = {(run.config.model.name, run.config.model.encoding) for run in runs}
+    assert {encoding for _, encoding in cells} == set(cga_table.ENCODINGS) and len(cells) == 9
+
+
+def test_unseen_meshes_are_scored_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = ModelConfig("mlp", channels=4, layers=1, encoding="position-normal")
+    weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)))["params"]
+    line = {"form": "gnn", "encoding": "position-normal", "parameters": 9, "steps": 5, "skill": 0.1, "commit": "c"}
+    for seed in (0, 1):
+        folder = tmp_path / "runs" / f"run{seed}"
+        folder.mkdir(parents=True)
+        save_model(folder / "model.npz", config, weights, name="x")
+    lines = [json.dumps({**line, "id": f"run{seed}", "seed": seed}) for seed in (0, 1)]
+    (tmp_path / "results.jsonl").write_text(lines[0] + "\n")
+    output = tmp_path / "results.json"
+    first = unseen.main(tmp_path, None, output, quick=True)["rows"]
+    assert set(first[0]["meshes"]) == {"generated 1", "generated 2"}
+    assert all(isinstance(value, float) for value in first[0]["meshes"].values())
+    (tmp_path / "results.jsonl").write_text("\n".join(lines) + "\n")
+    loaded: list[Any] = []
+    monkeypatch.setattr(unseen, "load_model", lambda path, load=unseen.load_model: loaded.append(path) or load(path))
+    second = unseen.main(tmp_path, None, output, quick=True)["rows"]
+    assert second[0] == first[0] and [path.parent.name for path in loaded] == ["run1"]
+    assert second[1]["meshes"] == first[0]["meshes"] and json.loads(output.read_text())["rows"] == second
+
+
+def test_intervals_by_hand() -> None:
+    # t of 4 degrees of freedom 2.776, deviation sqrt(2.5): 2.776 sqrt(2.5 / 5) = 1.963
+    assert cga_table.interval(np.array([1.0, 2, 3, 4, 5])) == "3.000 ± 1.963"
+    assert cga_table.interval(np.array([0.25])) == "0.250"
+
+
+def test_differences_are_taken_seed_by_seed() -> None:
+    row = {"form": "gnn", "parameters": 7, "commit": "c"}
+    plain = [
+        {
+            **row,
+            "encoding": "position-normal",
+            "seed": s,
+            "steps": 10,
+            "skill": float(s),
+            "meshes": {"a": 0.0, "b": 1.0},
+        }
+        for s in range(3)
+    ]
+    motor = [
+        {**row, "encoding": "motor", "seed": s, "steps": 20, "skill": s + 0.5, "meshes": {"a": 1.0, "b": "no transfer"}}
+        for s in (1, 2)
+    ]
+    lines = cga_table.encodings({"rows": [*plain, *motor]}).splitlines()
+    assert len(lines) == 4
+    assert (
+        lines[2] == "| published | position and normal, 6 numbers | 7 | 10 | 3 | 1.000 ± 2.484 |  | 0.500 ± 0.000 |  |"
+    )
+    expected = (
+        "| published | motor, 32 numbers | 7 | 20 | 2 | 2.000 ± 6.353 | 0.500 ± 0.000 | 1.000 ± 0.000 | 0.500 ± 0.000 |"
+    )
+    assert lines[3] == expected
