@@ -197,6 +197,7 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "CALIBRATION": local_tables.calibration(trust),
         "TRUST": f"{origin(trust)}, seed {trust['seed']}; reference {trust['arguments']['rays']} rays per vertex.",
         "STAGES": local_tables.stages(speed),
+        "FASTER": local_tables.faster(speed),
         "SIZES": local_tables.sizes(speed),
         "MOTIONS": local_tables.motions(speed),
         "SPEED": f"{origin(speed)}; reference of the motions {speed['arguments']['rays']} rays per vertex.",

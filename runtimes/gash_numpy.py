@@ -220,9 +220,12 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
 SURFACE_BITS, VERTEX_BITS, CURVE_BITS = 9, 12, 30
-BLOCK, NEAR, SMALLEST = 16, 8, 0.4
+BLOCK, NEAR, SMALLEST, NEGLIGIBLE = 16, 8, 0.4, np.float32(0.05)
 LADDER = np.array(
-    [0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33, 0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0],
+    [
+        *(0.1, 0.115, 0.13, 0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33),
+        *(0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0),
+    ],
     np.float32,
 )
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
@@ -349,8 +352,8 @@ def importance(
     ax, ay, az, r, sine = own[3:, block]
     square = x * x + y * y + z * z
     d = np.sqrt(square)
-    height = ax * x + ay * y + az * z + d * sine + 1.5 * s + 0.3 * r
-    up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
+    cosine = (ax * x + ay * y + az * z + 1.5 * s + 0.3 * r) / (d + r + np.float32(1e-12))
+    up = np.minimum(0.5 * (cosine + np.sqrt(cosine * cosine + 0.25 * sine * sine)), 1)
     found = (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999)
     return found * (records[node, 6] > 0), s <= SMALLEST * r
 
@@ -372,8 +375,9 @@ def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np
         since = np.searchsorted(LADDER, weight)
         opened = (since > 0) & (tree.first_child[node] >= 0) & ~small
         since[~opened] = 0
-        keep = weight > 0
-        seen.append((block[keep], node[keep], weight[keep], since[keep], below[keep]))
+        last = np.minimum(below, np.searchsorted(LADDER, weight / NEGLIGIBLE))  # beyond, it is negligible
+        keep = since < last
+        seen.append((block[keep], node[keep], weight[keep], since[keep], last[keep]))
         block, below = np.repeat(block[opened], FAN), np.repeat(np.minimum(since, below)[opened], FAN)
         node = (tree.first_child[node[opened]][:, None] + np.arange(FAN)).reshape(-1)
     block, node, weight, since, below = (np.concatenate(parts) for parts in zip(*seen, strict=True))

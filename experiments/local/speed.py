@@ -27,6 +27,7 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.primitives import bumpy_sphere
 from gash_jax.learn import metrics
 from gash_jax.learn.deforming import deforming_predictor
+from gash_jax.learn.evaluation import REFERENCE_RAYS, Reference, make_reference, score
 from gash_jax.learn.model import Model, load_model
 from gash_jax.learn.timing import timed
 from gash_jax.prt.bake import bake_transfer
@@ -38,16 +39,23 @@ MOTIONS = ("cesium_man_walk", "cat_poses", "lion_poses", "cat_run_lowpoly")
 FRAMES, RAYS = 12, 1024
 
 
-def stages(models: dict[str, Model], mesh: Mesh) -> dict[str, Any]:
-    """Microseconds a vertex of `local` and, in the same run, of the two-stage network, its twin and plain bakes."""
+def stages(models: dict[str, Model], mesh: Mesh, reference: Reference) -> dict[str, Any]:
+    """Microseconds a vertex of `local` and, in the same run, of the two-stage network, its twin and plain bakes.
+
+    One of the bakes has as many rays as `local` is worth on this mesh (none where that is only bounded).
+    """
     us = 1e6 / len(mesh.vertices)
     graph, building = timed(lambda: models["local"].graph(mesh))
     _, network = timed(lambda: models["local"](graph))
     _, whole = timed(lambda: models["local"].predict(mesh))
     row: dict[str, Any] = {"graph": building * us, "network": network * us, "predict": whole * us}
-    for rays in (8, 16):
-        _, seconds = timed(lambda n=rays: bake_transfer(mesh, rays=n, replicates=1), 3)
-        row[f"bake {rays}"] = seconds * us
+    row["equivalent rays"] = score(models["local"].predict(mesh).coefficients, mesh, reference)["equivalent_rays"]
+    bakes = {"bake 8": 8, "bake 16": 16}
+    if isinstance(row["equivalent rays"], float):
+        bakes["bake of equal error"] = round(row["equivalent rays"])
+    for label, rays in bakes.items():
+        _, seconds = timed(lambda n=rays: bake_transfer(mesh, rays=n, replicates=1), 5)
+        row[label] = seconds * us
     other = latency.measure(mesh, models["two-stage"])
     twin = other["pyg"]
     row |= {"two-stage": ((other["stage1"] or 0) + (other["stage2"] or 0)) * us}
@@ -117,7 +125,8 @@ def main(name: str, folder: Path | None, animated: Path | None, output: Path | N
     rows = []
     for label, read in load_meshes(folder, quick).items():
         mesh = read()
-        rows.append({"mesh": label, "vertices": len(mesh.vertices), **stages(models, mesh)})
+        reference = make_reference(mesh, rays=256 if quick else REFERENCE_RAYS)
+        rows.append({"mesh": label, "vertices": len(mesh.vertices), **stages(models, mesh, reference)})
         print(rows[-1], flush=True)
     motions = {}
     for label, (positions, faces) in _frames(animated, quick).items():

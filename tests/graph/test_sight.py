@@ -9,7 +9,7 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.geometry.primitives import icosphere
 from gash_jax.graph import sight
-from gash_jax.graph.sight import BLOCK, LADDER, SMALLEST, sight_table, vertex_blocks
+from gash_jax.graph.sight import BLOCK, LADDER, NEGLIGIBLE, SMALLEST, sight_table, vertex_blocks
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfels import FAN
 from gash_jax.nn import surfel_net
@@ -47,8 +47,8 @@ def _importance(record: np.ndarray, positions: np.ndarray, normals: np.ndarray) 
     sine = np.sqrt(1 - np.clip(np.mean(normals @ n), 0, 1) ** 2)
     offset, s = record[:3] - middle, record[7]
     d = np.linalg.norm(offset)
-    height = n @ offset + d * sine + 1.5 * s + 0.3 * r
-    return s**2 / (d**2 + r**2 + s**2) * np.clip(height / (d + r), 0, 1)
+    c = (n @ offset + 1.5 * s + 0.3 * r) / (d + r)
+    return 0.999 * s**2 / (d**2 + r**2 + s**2) * min((c + np.hypot(c, sine / 2)) / 2, 1)
 
 
 def _cut(case: _Case, block: int, step: float) -> dict[int, float]:
@@ -62,7 +62,7 @@ def _cut(case: _Case, block: int, step: float) -> dict[int, float]:
         importance = _importance(record, positions, normals) if record[6] > 0 else 0.0
         if importance > step and child >= 0 and record[7] > SMALLEST * r:
             waiting.extend(range(child, child + FAN))
-        elif importance > 0:
+        elif importance > NEGLIGIBLE * step:
             kept[node] = importance
     return kept
 

@@ -4,13 +4,16 @@ Vertices are sorted along the same curve as the leaves and taken in blocks of BL
 surfels. A surfel is opened into its children while it is important: large for its distance, with a part that may
 stand above the tangent planes of the block. With s its size, d its distance and r the radius of the block,
 
-    importance = s² / (d² + r² + s²) * clip(height / (d + r), 0, 1)
-    height     = n . offset + d sin(spread of the block's normals) + 1.5 s + 0.3 r
+    importance = s² / (d² + r² + s²) * min((c + sqrt(c² + (sigma / 2)²)) / 2, 1)
+    c          = (n . offset + 1.5 s + 0.3 r) / (d + r)
 
-It is not opened below SMALLEST r: within the block finer surfels would serve some of its vertices only. What cannot be
-above the horizon is dropped, so on a convex body little is left. Of the steps of importance in LADDER each block takes
-the finest at which its list still fits: it is coarser where there is more to see, and cut off only where even the
-coarsest list is too long. All of it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+c is the cosine to the block's mean normal n at which its upper end stands; the root is c where it is large, and takes
+off softly below the horizon as far as the block's normals differ (sigma: sine of their spread). A surfel is not opened
+below SMALLEST r: within the block finer ones would serve some of its vertices only. Of the steps of importance in
+LADDER each block takes the finest at which its list still fits: it is coarser where there is more to see, and cut off
+only where even the coarsest list is too long. What is below NEGLIGIBLE of the step is left out: such surfels, most of
+them about the horizon, were half of all lists, and every place taken makes the others coarser. On a convex body little
+is left. All of it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -23,10 +26,14 @@ from gash_jax.graph.surfels import FAN, VERTEX_BITS, SurfelTree, curve_order
 BLOCK = 16
 # float32 of short decimals, the same everywhere
 LADDER = np.array(
-    [0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33, 0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0],
+    [
+        *(0.1, 0.115, 0.13, 0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33),
+        *(0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0),
+    ],
     np.float32,
 )
 SMALLEST = 0.4
+NEGLIGIBLE = np.float32(0.05)
 # blocks per call: their candidates stay in the cache
 CHUNK = 256
 
@@ -89,8 +96,10 @@ def _look(
         since = np.searchsorted(LADDER, importance).astype(np.int8)
         opened = (since > 0) & (child >= 0) & ~small
         since[~opened] = 0
-        keep = (importance > 0) & (since < below)
-        seen.append((block[keep], node[keep], importance[keep], since[keep], below[keep]))
+        # and as long as it is not negligible beside what is not opened
+        last = np.minimum(below, np.searchsorted(LADDER, importance / NEGLIGIBLE).astype(np.int8))
+        keep = since < last
+        seen.append((block[keep], node[keep], importance[keep], since[keep], last[keep]))
         block = np.repeat(block[opened], FAN)
         below = np.repeat(np.minimum(since, below)[opened], FAN)
         node = (child[opened][:, None] + np.arange(FAN, dtype=np.int32)).reshape(-1)
@@ -123,6 +132,6 @@ def _importance(
     z -= mz
     square = x * x + y * y + z * z
     d = np.sqrt(square)
-    height = ax * x + ay * y + az * z + d * sine + 1.5 * s + 0.3 * r
-    up = np.clip(height / (d + r + np.float32(1e-12)), 0, 1)
+    cosine = (ax * x + ay * y + az * z + 1.5 * s + 0.3 * r) / (d + r + np.float32(1e-12))
+    up = np.minimum(0.5 * (cosine + np.sqrt(cosine * cosine + 0.25 * sine * sine)), 1)
     return (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999), s <= SMALLEST * r

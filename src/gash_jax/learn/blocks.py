@@ -28,7 +28,7 @@ from gash_jax.prt.transfer import unshadowed_transfer
 SOFTENING = 0.1
 HIDDEN, REVERSED = 0.08, 0.04
 # blocks that stay in the cache together, and blocks per compiled call
-GROUP, CALL = 4, 128
+GROUP, CALL = 4, 64
 # a batch can be spread over this many devices, or a divisor of it
 SHARES = 8
 
