@@ -81,7 +81,7 @@ def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:
     assert np.median(np.sqrt(points.var(axis=1).sum(-1))) < 0.6 * np.sqrt(bumpy.vertices.var(axis=0).sum())
 
 
-@pytest.mark.parametrize("count", [48, 64, 200])
+@pytest.mark.parametrize("count", [24, 32, 200])
 @pytest.mark.parametrize("block", [0, 7, 18])
 def test_a_block_takes_the_finest_cut_that_fits(block: int, count: int) -> None:
     case = _bumpy()
@@ -89,7 +89,7 @@ def test_a_block_takes_the_finest_cut_that_fits(block: int, count: int) -> None:
     row = row[row != len(case.records) - 1]
     cuts = [_cut(case, block, float(step)) for step in LADDER]
     fitting = [cut for cut in cuts if len(cut) <= count]
-    assert 0 < len(fitting) and (count > 48 or len(fitting) < len(cuts))
+    assert 0 < len(fitting) and (count > 24 or len(fitting) < len(cuts))
     assert set(row.tolist()) == set(fitting[0])
     # the most important first
     found = np.array([fitting[0][int(node)] for node in row])
@@ -133,7 +133,7 @@ def test_no_surfel_is_seen_twice_nor_together_with_its_parts() -> None:
 
 
 def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
-    """What is below the horizon is dropped."""
+    """What is below the horizon is dropped; of the bumpy sphere its far side too, but not its surroundings."""
 
     def seen(case: _Case) -> np.ndarray:
         """Share of the mesh's area in every block's list."""
@@ -142,7 +142,7 @@ def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
 
     sphere, bumpy = seen(_case(icosphere(3))), seen(_bumpy())
     assert 0 < np.median(sphere) < 0.7 * np.median(bumpy)
-    assert np.median(bumpy) > 0.8
+    assert np.median(bumpy) > 0.5
     assert bumpy.max() < 1 + 1e-5
 
 
