@@ -539,7 +539,7 @@ def look(
     covered = np.minimum(projected, area)
     angle = covered / (covered + square)
     height = dot(u, own)
-    above = angle * np.maximum(height, 0)
+    above = angle * np.maximum(height - np.float32(1e-6) / d, 0)  # what is that low is in the tangent plane
     reach = np.minimum(np.sqrt(np.maximum(quadratic(record[14:], own), 0) + np.float32(1e-20)) / d, np.float32(4))
     corner = np.moveaxis(near, -1, 0)
     length = np.sqrt(dot(corner, corner) + np.float32(1e-12))
@@ -565,7 +565,7 @@ def look(
     total = above.sum(-1)
     extra = total[..., None], above.max(-1, keepdims=True), root(length.mean(-1, keepdims=True))
     z = np.concatenate([pooled, g.mean(2), g.max(2), *extra], axis=-1)
-    return z, frames, total + np.maximum(dot(v, own), 0).mean(-1)
+    return z, frames, total + np.maximum(dot(v, own) - np.float32(1e-6) / length, 0).mean(-1)
 
 
 def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:

@@ -10,7 +10,8 @@ of a pair in the frame F of the vertex, h = ReLU(W f + b), and g the same of the
     t(v) = A_l/pi Y(n) + D(F) r(v)
 
 Sums over surfels weighted by solid angle do not change when a surfel is replaced by its parts, so the tree may be cut
-anywhere. On a convex body nothing stands above any tangent plane: s = 0, and the prediction is the closed form.
+anywhere. On a convex body nothing stands above any tangent plane (by more than rounding): s = 0, and the prediction is
+the closed form.
 
 F has the normal as third column; its twist is fixed by the tangential part of sum_j w c u, the direction in which
 most is hidden (by all surfels where that vanishes, by the near corners where there are none; arbitrary where all
@@ -42,6 +43,8 @@ BLOCK = 16
 # squared lengths are at least this (radius of the surface = 1): what coincides has no direction
 FLOOR = 1e-12
 TINY = 1e-20
+# of lengths: what is no higher than this above a tangent plane is in it
+ROUNDING = 1e-6
 # its inverse square, in gradients, is a float32
 SMALLEST_AREA = 1e-18
 # of the logarithm of a mean square error: beyond, its likelihood overflows, or what is unlike the corpus runs away
@@ -120,7 +123,7 @@ class SurfelNet(nn.Module):
         covered = jnp.minimum(projected, area)
         angle = covered / (covered + square)
         height = _dot(u, own)
-        above = angle * jnp.maximum(height, 0)
+        above = angle * jnp.maximum(height - ROUNDING * inverse, 0)
         reach = jnp.sqrt(jnp.maximum(_quadratic(list(surfel[14:20]), own), 0) + TINY) * inverse
         reach = jnp.minimum(reach, FARTHEST)
         partly = angle * jnp.clip(height + reach, 0, 1)
@@ -142,7 +145,7 @@ class SurfelNet(nn.Module):
         pooled += [jnp.sum(g, axis=1) / count, jnp.max(g, axis=1)]
         total = _total(above).reshape(-1)
         pooled += [jnp.stack([total, _most(above).reshape(-1), _root(jnp.sum(away, axis=0) / count)])]
-        rise = jnp.maximum(_dot(v, [n.reshape(1, -1) for n in normal]), 0)
+        rise = jnp.maximum(_dot(v, [n.reshape(1, -1) for n in normal]) - ROUNDING / away, 0)
         frames = jnp.stack([jnp.stack(axis, axis=-1) for axis in frame], axis=-1)
         x = nn.relu(self.mix(jnp.concatenate(pooled).T))
         return x, frames.reshape(-1, 3, 3), total + jnp.sum(rise, axis=0) / count
