@@ -170,7 +170,7 @@ def test_relative_motor_by_hand() -> None:
 
 def test_relative_motors_of_normals_know_the_world_those_of_frames_do_not(bumpy: Mesh, rotation: np.ndarray) -> None:
     senders, receivers = _edges(bumpy.vertices)
-    shifted, turned = (transform(bumpy, *motion) for motion in ((np.eye(3), np.array([0.5, -0.25, 1.0])), (rotation,)))
+    shifted, turned = transform(bumpy, None, np.array([0.5, -0.25, 1.0])), transform(bumpy, rotation)
 
     def between_normals(mesh: Mesh) -> np.ndarray:
         return relative_motors(motor_nodes(mesh.vertices, mesh.normals), senders, receivers)

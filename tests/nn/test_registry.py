@@ -74,6 +74,6 @@ def test_every_encoding_is_read_and_gives_finite_gradients(name: str, encoding: 
     graph = model_graph(config, bumpy_mesh(20))
     module = build_model(config)
     variables = jax.jit(module.init)(jax.random.key(0), graph)
-    gradient = jax.jit(jax.grad(lambda v: jnp.sum(module.apply(v, graph) ** 2)))(variables)
+    gradient = jax.jit(jax.grad(lambda v: jnp.sum(jnp.asarray(module.apply(v, graph)) ** 2)))(variables)
     sizes = jax.tree.map(lambda leaf: float(jnp.abs(leaf).max()), gradient)
     assert all(np.isfinite(size) for size in jax.tree.leaves(sizes)) and max(jax.tree.leaves(sizes)) > 0

@@ -145,16 +145,17 @@ class GATv2Conv(nn.Module):
 
         if edges is not None and receivers is not None:
             raise ValueError("edges of a list of senders and receivers: give a table of senders")
+        relative = kernel = None
         if edges is not None:
             # the added loop is the motor that moves nothing
             loop = jnp.zeros((len(x), 1, edges.shape[-1])).at[..., 0].set(1.0)
             relative = jnp.concatenate([jnp.asarray(edges).reshape(len(x), -1, edges.shape[-1]), loop], axis=1)
             kernel = self.param("edge", glorot, (edges.shape[-1], heads * width))
 
-        def attend(r: Array, table: Array, keep: Array, own: Array | None) -> Array:
+        def attend(r: Array, table: Array, keep: Array, motors: Array | None) -> Array:
             messages = source[table]
-            if own is not None:
-                messages = messages + (own @ kernel).reshape(messages.shape)
+            if motors is not None and kernel is not None:
+                messages = messages + (motors @ kernel).reshape(messages.shape)
             logits = jnp.sum(attention[None] * nn.leaky_relu(r[None] + messages, SLOPE), axis=-1)
             return jnp.sum(neighbour_softmax(logits, keep)[..., None] * messages, axis=0)
 
@@ -162,7 +163,7 @@ class GATv2Conv(nn.Module):
         if receivers is None:
             keep = jnp.pad(_without_loops(senders, own[:, None], mask), ((0, 0), (0, 1)), constant_values=True)
             table = jnp.concatenate([senders, own[:, None]], axis=1)
-            out = over_vertices(attend, (target, table, keep, None if edges is None else relative), self.block)
+            out = over_vertices(attend, (target, table, keep, relative), self.block)
         else:
             keep = jnp.pad(_without_loops(senders, receivers, mask), (0, len(x)), constant_values=True)
             senders, receivers = jnp.append(senders, own), jnp.append(jnp.asarray(receivers), own)

@@ -22,9 +22,6 @@ Beside the coefficients the network predicts, per band, the mean square error of
 from z; they are learnt after it. Where it expects to be worse than the closed form it falls back in that proportion.
 """
 
-from collections.abc import Callable
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import jraph
@@ -37,6 +34,7 @@ from gash_jax.algebra.numerics import safe_normalize
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.nn.closed_form import closed_form, zero_without_normal
 from gash_jax.nn.inputs import edge_arrays, node_arrays
+from gash_jax.nn.pooling import most_of, total_of
 
 GATE = 0.01
 BLOCK = 16
@@ -139,12 +137,12 @@ class SurfelNet(nn.Module):
         features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
         features += [jnp.sqrt(jnp.maximum(angle, TINY)), flux, reach, size / (size + distance)]
         h = self.surfel([*features, facing[2], facing[0], facing[1], _root(distance)])
-        pooled = [_total(weight[None] * h).reshape(len(h), -1) for weight in (above, partly)]
+        pooled = [total_of(weight[None] * h).reshape(len(h), -1) for weight in (above, partly)]
         g = self.near(_near_features(list(corners[3:]), v, away, [[a.reshape(1, -1) for a in axis] for axis in frame]))
         count = len(away)
         pooled += [jnp.sum(g, axis=1) / count, jnp.max(g, axis=1)]
-        total = _total(above).reshape(-1)
-        pooled += [jnp.stack([total, _most(above).reshape(-1), _root(jnp.sum(away, axis=0) / count)])]
+        total = total_of(above).reshape(-1)
+        pooled += [jnp.stack([total, most_of(above).reshape(-1), _root(jnp.sum(away, axis=0) / count)])]
         rise = jnp.maximum(_dot(v, [n.reshape(1, -1) for n in normal]) - ROUNDING / away, 0)
         frames = jnp.stack([jnp.stack(axis, axis=-1) for axis in frame], axis=-1)
         x = nn.relu(self.mix(jnp.concatenate(pooled).T))
@@ -171,38 +169,6 @@ def _root(distance: Array) -> Array:
     return jnp.sqrt(jnp.sqrt(jnp.maximum(distance, TINY)))
 
 
-def _halved(x: Array, together: Callable[[Array, Array], Array]) -> Array:
-    """The last axis brought to one by halves: whole vectors, where XLA would reduce number by number on a CPU."""
-    while (count := x.shape[-1]) > 1:
-        half = count // 2
-        rest = x[..., 2 * half :]
-        x = together(x[..., :half], x[..., half : 2 * half])
-        x = jnp.concatenate([x, rest], axis=-1) if count % 2 else x
-    return x[..., 0]
-
-
-@jax.custom_jvp
-def _total(x: Float[Array, "... n"]) -> Float[Array, "..."]:
-    """Sum over surfels."""
-    return _halved(x, jnp.add)
-
-
-@_total.defjvp
-def _total_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    return _total(primals[0]), jnp.sum(tangents[0], axis=-1)
-
-
-@jax.custom_jvp
-def _most(x: Float[Array, "... n"]) -> Float[Array, "..."]:
-    """Maximum over surfels."""
-    return _halved(x, jnp.maximum)
-
-
-@_most.defjvp
-def _most_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    return _most(primals[0]), jax.jvp(partial(jnp.max, axis=-1), primals, tangents)[1]
-
-
 class _Pairs(nn.Module):
     """ReLU(W f + b) of every pair, from one array a feature to one a channel; stored as a Dense layer."""
 
@@ -223,7 +189,7 @@ def _frames(normal: Vector, u: Vector, above: Pair, angle: Pair, near: Vector) -
     weight = above + 1e-3 * angle
     shape = normal[0].shape
     around = [1e-4 / len(b) * jnp.sum(b, axis=0).reshape(shape) for b in near]
-    hidden = [_total(weight * a) + b for a, b in zip(u, around, strict=True)]
+    hidden = [total_of(weight * a) + b for a, b in zip(u, around, strict=True)]
     upward = _dot(hidden, normal)
     tangent = [h - upward * n for h, n in zip(hidden, normal, strict=True)]
     known = _dot(tangent, tangent) > 1e-16
