@@ -98,7 +98,7 @@ def test_shapes_that_the_closed_form_serves_well_weigh_more() -> None:
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_blocks_predict_as_the_whole_does(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "CALL", 4)
+    monkeypatch.setattr(blocks, "CALLS", (4,))
     module = build_model(CONFIG)
     graph: Any = model_graph(CONFIG, _mesh(150, 7))
     variables = random_variables(module, graph)
@@ -107,3 +107,12 @@ def test_blocks_predict_as_the_whole_does(workers: int, monkeypatch: pytest.Monk
     np.testing.assert_allclose(coefficients, whole[:, :9], atol=1e-5)
     np.testing.assert_allclose(error, by_band(jax.numpy.asarray(whole[:, 9:]), 3), atol=1e-5)
     assert not coefficients[3].any() and coefficients.shape == error.shape == (150, 9)
+
+
+def test_small_meshes_keep_all_workers_busy() -> None:
+    # by hand: 32 blocks for two workers are two calls of 16 (16 + 4), not one padded to 64 (64 + 4)
+    assert blocks.call_size(32, 2) == 16
+    assert blocks.call_size(5, 1) == 8
+    assert blocks.call_size(130, 2) == 64
+    assert blocks.call_size(100000, 2) == blocks.call_size(100000, 1) == 64
+    assert all(size % blocks.GROUP == 0 for size in blocks.CALLS)

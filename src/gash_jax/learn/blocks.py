@@ -27,8 +27,8 @@ from gash_jax.prt.transfer import unshadowed_transfer
 
 SOFTENING = 0.1
 HIDDEN, REVERSED = 0.08, 0.04
-# blocks that stay in the cache together, and blocks per compiled call
-GROUP, CALL = 4, 64
+# blocks that stay in the cache together, blocks per compiled call, and for how many of them a call takes longer
+GROUP, CALLS, OVERHEAD = 4, (64, 32, 16, 8), 4
 # a batch can be spread over this many devices, or a divisor of it
 SHARES = 8
 
@@ -139,20 +139,28 @@ def run_blocks(module: nn.Module, params: Any, nodes: dict[str, Array], surfels:
     return fall_back(jnp.asarray(output), normals, module.bands).reshape(len(surfels), BLOCK, -1)
 
 
+def call_size(blocks: int, workers: int) -> int:
+    """How many blocks to a call: 64, or where they are too few what keeps all workers busy with little padding."""
+    if blocks >= workers * CALLS[0]:
+        return CALLS[0]
+    return min(CALLS, key=lambda size: -(-blocks // (size * workers)) * (size + OVERHEAD))
+
+
 def predict_blocks(
     module: nn.Module, params: Any, graph: jraph.GraphsTuple, bands: int, workers: int
 ) -> tuple[Float[np.ndarray, "v k"], Float[np.ndarray, "v k"]]:
-    """Coefficients and predicted error of every vertex of the mesh, in its order; CALL blocks per compiled call."""
+    """Coefficients and predicted error of every vertex of the mesh, in its order."""
     nodes, surfels = _split(graph)
+    size = call_size(len(surfels), workers)
 
     def call(start: int) -> np.ndarray:
-        part = jax.tree.map(lambda a: a[start : start + CALL], (nodes, surfels))
+        part = jax.tree.map(lambda a: a[start : start + size], (nodes, surfels))
         used = len(part[1])
-        if used < CALL:
-            part = jax.tree.map(lambda a: np.concatenate([a, np.zeros((CALL - used, *a.shape[1:]), a.dtype)]), part)
+        if used < size:
+            part = jax.tree.map(lambda a: np.concatenate([a, np.zeros((size - used, *a.shape[1:]), a.dtype)]), part)
         return np.asarray(run_blocks(module, params, *part))[:used]
 
-    starts = range(0, len(surfels), CALL)
+    starts = range(0, len(surfels), size)
     if workers > 1 and len(starts) > 1:
         with ThreadPoolExecutor(workers) as pool:
             outputs = list(pool.map(call, starts))
