@@ -1,6 +1,6 @@
 """Mesh -> `jraph.GraphsTuple`, in the four forms that models here are trained on.
 
-    nodes     {"motor": (v, 32), "position": (v, 3), "normal": (v, 3)}; with relative edges also "frame": (v, 3, 3)
+    nodes     {"motor": (v, 32), "position": (v, 3), "normal": (v, 3)}; of "rings" also "frame": (v, 3, 3)
     edges     {}, {"relative": (e, 16)} or {"motor": (e, 8)}, see `encoding`
     senders, receivers  (e,) int32, sorted by receiver; messages go from sender to receiver
     globals   {"center": (1, 3), "scale": (1,)}

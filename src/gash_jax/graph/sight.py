@@ -11,9 +11,9 @@ c is the cosine to the block's mean normal n at which its upper end stands; the 
 off softly below the horizon as far as the block's normals differ (sigma: sine of their spread). A surfel is not opened
 below SMALLEST r: within the block finer ones would serve some of its vertices only. Of the steps of importance in
 LADDER each block takes the finest at which its list still fits: it is coarser where there is more to see, and cut off
-only where even the coarsest list is too long. What is below NEGLIGIBLE of the step is left out: such surfels, most of
-them about the horizon, were half of all lists, and every place taken makes the others coarser. On a convex body little
-is left. All of it is relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+only where even the coarsest list is too long. What is below NEGLIGIBLE of the step is left out: every place that such a
+surfel takes, about or below the horizon, makes the others coarser. On a convex body little is left. All of it is
+relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -27,7 +27,7 @@ from gash_jax.prt.transfer import unshadowed_transfer
 
 SOFTENING = 0.1
 HIDDEN, REVERSED = 0.08, 0.04
-# blocks that stay in the cache together, blocks per compiled call, and for how many of them a call takes longer
+# blocks that stay in the cache together, blocks per compiled call, and about how many of them a call itself costs
 GROUP, CALLS, OVERHEAD = 4, (64, 32, 16, 8), 4
 # a batch can be spread over this many devices, or a divisor of it
 SHARES = 8
