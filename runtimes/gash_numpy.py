@@ -220,14 +220,9 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
 SURFACE_BITS, VERTEX_BITS, CURVE_BITS = 9, 12, 30
-BLOCK, NEAR, SMALLEST, NEGLIGIBLE = 16, 8, 0.4, np.float32(0.05)
-LADDER = np.array(
-    [
-        *(0.1, 0.115, 0.13, 0.15, 0.17, 0.19, 0.21, 0.24, 0.27, 0.3, 0.33),
-        *(0.37, 0.41, 0.46, 0.51, 0.57, 0.64, 0.71, 0.79, 0.88, 1.0),
-    ],
-    np.float32,
-)
+BLOCK, NEAR, SMALLEST, NEGLIGIBLE = 16, 8, 0.4, np.float32(1 / 16)
+# eight steps to an octave, from 14/128 to 1
+LADDER = np.array([(8 + i % 8) / 8 * 2.0 ** (i // 8 - 4) for i in range(6, 33)], np.float32)
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
 ROW, COLUMN = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
 
@@ -254,15 +249,16 @@ PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
 
 def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, lead_bits: int) -> np.ndarray:
     """Order along a Morton curve through the points' box; after `lead_bits` bits comes the octant of the normal."""
-    local = points @ axes
-    local = local - (local.min(axis=0) + local.max(axis=0)) / 2
+    turn = np.asarray(axes.T, np.float32)
+    local = turn @ np.asarray(points, np.float32).T
+    local = local - (local.min(axis=1) + local.max(axis=1))[:, None] / 2
     reach = max(float(np.abs(local).max()), np.finfo(np.float32).tiny)
-    cell = np.clip((local / reach + 1) * 512, 0, 1023).astype(np.int64)
+    cell = np.clip((local.T / reach + 1) * 512, 0, 1023).astype(np.int64)
     code = np.zeros(len(points), np.int64)
     for bit in range(CURVE_BITS // 3):
         for i in range(3):
             code |= ((cell[:, i] >> bit) & 1) << (3 * bit + 2 - i)
-    octant = (normals @ axes > 0) @ np.array([4, 2, 1])
+    octant = np.array([4, 2, 1]) @ (turn @ np.asarray(normals, np.float32).T > 0)
     low = CURVE_BITS - lead_bits
     code = ((code >> low) << (low + 3)) | (octant << low) | (code & ((1 << low) - 1))
     return np.argsort(code, kind="stable").astype(np.int32)
@@ -276,9 +272,8 @@ def outward_faces(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) 
     return np.where(against[:, None], faces[:, ::-1], faces)
 
 
-def surface_axes(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Principal axes of the surface as columns, each towards its heavier tail."""
-    area = face_areas(points, faces)
+def surface_axes(points: np.ndarray, faces: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Principal axes of the surface as columns, each towards its heavier tail; `area` in any unit."""
     middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
     offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
     _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
@@ -286,9 +281,8 @@ def surface_axes(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return axes * np.where(area @ (local * local * local) < 0, -1, 1)
 
 
-def build_tree(points: np.ndarray, faces: np.ndarray, axes: np.ndarray) -> Tree:
+def build_tree(points: np.ndarray, faces: np.ndarray, area: np.ndarray, axes: np.ndarray) -> Tree:
     """Cut large faces, sort the parts along the curve, and make families of FAN until at most TOP are left."""
-    area = face_areas(points, faces)
     parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
     parts = np.clip(parts, 1, MOST_PARTS)
     face = np.repeat(np.arange(len(faces)), parts**2)
@@ -312,6 +306,11 @@ def build_tree(points: np.ndarray, faces: np.ndarray, axes: np.ndarray) -> Tree:
     return Tree(face, piece, first_child, padded)
 
 
+def over_family(x: np.ndarray) -> np.ndarray:
+    """Sum over the last axis, FAN = 4 members."""
+    return (x[..., 0] + x[..., 1]) + (x[..., 2] + x[..., 3])
+
+
 def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(s + 1, 20): moments of all surfels, and last an empty one."""
     corner = points[faces[np.maximum(tree.face, 0)]].transpose(1, 2, 0)  # (3 corners, 3, l)
@@ -327,12 +326,12 @@ def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndar
     levels = [level]
     for size in reversed(tree.level_sizes[:-1]):
         children = np.ascontiguousarray(level).reshape(13, -1, FAN)
-        total = children[6].sum(-1)
+        total = over_family(children[6])
         share = children[6] / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
-        center = (share * children[:3]).sum(-1)
+        center = over_family(share * children[:3])
         offset = children[:3] - center[:, :, None]
-        spread = (share * (children[7:] + offset[ROW] * offset[COLUMN])).sum(-1)
-        level = np.concatenate([center, children[3:6].sum(-1), total[None], spread])
+        spread = over_family(share * (children[7:] + offset[ROW] * offset[COLUMN]))
+        level = np.concatenate([center, over_family(children[3:6]), total[None], spread])
         level = np.pad(level, ((0, 0), (0, size - len(total))))
         levels.insert(0, level)
     moments = np.concatenate([*levels, np.zeros((13, 1), np.float32)], axis=1)
@@ -349,11 +348,11 @@ def importance(
     """Of pairs of block and surfel; and where the surfel is too small to be opened. `own`: (8, b)."""
     s = records[node, 7]
     x, y, z = (records[node, i] - own[i, block] for i in range(3))
-    ax, ay, az, r, sine = own[3:, block]
+    ax, ay, az, r, spread = own[3:, block]
     square = x * x + y * y + z * z
     d = np.sqrt(square)
     cosine = (ax * x + ay * y + az * z + 1.5 * s + 0.3 * r) / (d + r + np.float32(1e-12))
-    up = np.minimum(0.5 * (cosine + np.sqrt(cosine * cosine + 0.25 * sine * sine)), 1)
+    up = np.minimum(0.5 * (cosine + np.sqrt(cosine * cosine + spread)), 1)
     found = (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999)
     return found * (records[node, 6] > 0), s <= SMALLEST * r
 
@@ -364,7 +363,7 @@ def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np
     radius = np.sqrt(np.mean(np.sum((points - middle[:, None]) ** 2, axis=-1), axis=1))
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-6)
     cosine = np.clip(np.mean(normals @ axis[:, :, None], axis=(1, 2)), 0, 1)
-    own = np.array([*middle.T, *axis.T, radius, np.sqrt(1 - cosine**2)], np.float32)
+    own = np.array([*middle.T, *axis.T, radius, 0.25 * (1 - cosine**2)], np.float32)
     block = np.repeat(np.arange(blocks), tree.level_sizes[0])
     node = np.tile(np.arange(tree.level_sizes[0]), blocks)
     below = np.full(len(block), len(LADDER))
@@ -573,8 +572,9 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
     (config, a), bands = model, model.config["bands"]
     points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
     faces = outward_faces(vertices, normals, faces)
-    axes = surface_axes(points, faces)
-    tree = build_tree(points, faces, axes)
+    area = face_areas(vertices, faces)
+    axes = surface_axes(points, faces, area)
+    tree = build_tree(points, faces, area, axes)
     records = surfel_records(tree, points, faces)
     order = curve_order(points, normals, axes, VERTEX_BITS)
     blocks = np.append(order, np.repeat(order[-1:], -len(order) % BLOCK)).reshape(-1, BLOCK)
@@ -642,12 +642,10 @@ def face_areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def surface_radius(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Root mean square distance of the surface from its centroid, faces at their own centroids weighted by area."""
-    center, scale, _ = bounding_box(vertices, faces)
-    middles = ((vertices.astype(np.float64)[faces] - center) / scale).mean(axis=1)
-    areas = face_areas(vertices, faces) / scale**2
+    middles, areas = vertices.astype(np.float64)[faces].mean(axis=1), face_areas(vertices, faces)
     total = max(areas.sum(), np.finfo(float).tiny)
     centroid = areas @ middles / total
-    return scale * float(np.sqrt(areas @ np.sum((middles - centroid) ** 2, axis=1) / total))
+    return float(np.sqrt(areas @ np.sum((middles - centroid) ** 2, axis=1) / total))
 
 
 def predict(

@@ -24,8 +24,8 @@ class _Case(NamedTuple):
     positions: np.ndarray
     normals: np.ndarray
 
-    def table(self, count: int = COUNT, workers: int = 1) -> np.ndarray:
-        return sight_table(self.plan.tree, self.records, self.positions, self.normals, count, workers)
+    def table(self, count: int = COUNT) -> np.ndarray:
+        return sight_table(self.plan.tree, self.records, self.positions, self.normals, count)
 
 
 def _case(mesh: Mesh, count: int = COUNT) -> _Case:
@@ -146,11 +146,10 @@ def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
     assert bumpy.max() < 1 + 1e-5
 
 
-def test_chunks_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chunks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = _bumpy().table()
     monkeypatch.setattr(sight, "CHUNK", 4)
     np.testing.assert_array_equal(_bumpy().table(), whole)
-    np.testing.assert_array_equal(_bumpy().table(workers=2), whole)
 
 
 def test_the_table_does_not_change_when_the_mesh_is_moved() -> None:

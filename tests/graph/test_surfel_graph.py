@@ -83,7 +83,7 @@ def test_corners_of_a_tetrahedron_by_hand() -> None:
 def test_near_are_offsets_and_normals_of_corners() -> None:
     mesh = _tetrahedron()
     graph: Any = surfel_graph(mesh, 8)
-    corners = corner_table(outward_faces(mesh), 4)
+    corners = corner_table(outward_faces(mesh)[0], 4)
     near = graph.nodes["near"][graph.globals["slot"][0]].reshape(4, NEAR, 6)
     unit = graph.globals["scale"][0]
     np.testing.assert_allclose(near[..., :3] * unit, mesh.vertices[corners] - mesh.vertices[:, None], atol=1e-6)
@@ -94,7 +94,8 @@ def test_faces_look_where_normals_do_and_come_once() -> None:
     right = [sorted(np.roll(face, shift).tolist() for shift in range(3)) for face in TETRAHEDRON]
     broken = np.concatenate([TETRAHEDRON, TETRAHEDRON[[1]][:, ::-1], TETRAHEDRON[[0]][:, [1, 2, 0]]])
     broken[2] = broken[2, ::-1]
-    faces = outward_faces(_tetrahedron(broken))
+    faces, areas = outward_faces(_tetrahedron(broken))
+    np.testing.assert_allclose(areas, 2 * np.sqrt(3), rtol=1e-6)
     assert [sorted(np.roll(face, shift).tolist() for shift in range(3)) for face in faces] == right
     assert faces.dtype == np.int32
 

@@ -106,8 +106,9 @@ def test_surfels_are_those_of_the_package(mesh: Mesh, count: int) -> None:
     positions = normalised(mesh)[0]
     plan, records = plan_surfels(mesh, positions, count)
     faces = gash_numpy.outward_faces(*mesh)
-    axes = gash_numpy.surface_axes(positions, faces)
-    tree = gash_numpy.build_tree(positions, faces, axes)
+    area = gash_numpy.face_areas(mesh.vertices, faces)
+    axes = gash_numpy.surface_axes(positions, faces, area)
+    tree = gash_numpy.build_tree(positions, faces, area, axes)
     np.testing.assert_array_equal(faces, plan.faces)
     for mine, theirs in zip(tree, plan.tree, strict=True):
         np.testing.assert_array_equal(mine, theirs)

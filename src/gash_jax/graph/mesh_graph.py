@@ -55,14 +55,12 @@ def surface_radius(mesh: Mesh) -> float:
     The unit of edge lengths: unlike the box it turns with the mesh, and unlike the vertices it does not depend on
     how finely each part is triangulated.
     """
-    center, scale = center_and_scale(mesh)
-    points = (mesh.vertices.astype(np.float64) - center) / scale
-    areas = face_areas(points, mesh.faces)
+    areas, points = face_areas(mesh.vertices, mesh.faces), mesh.vertices.astype(np.float64)
     total = max(areas.sum(), np.finfo(float).tiny)
     first, second, third = (np.take(points, mesh.faces[:, i], axis=0) for i in range(3))
     middles = (first + second + third) / 3
     middles -= areas @ middles / total
-    return scale * float(np.sqrt(areas @ np.einsum("fi,fi->f", middles, middles) / total))
+    return float(np.sqrt(areas @ np.einsum("fi,fi->f", middles, middles) / total))
 
 
 def with_frames(graph: Graph) -> Graph:

@@ -22,7 +22,7 @@ import jraph
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced, vector_areas
+from gash_jax.geometry.mesh import Mesh, center_and_scale, lengths, referenced, vector_areas
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.mesh_graph import surface_radius
 from gash_jax.graph.sight import BLOCK, sight_table, vertex_blocks
@@ -41,19 +41,21 @@ class SurfelPlan(NamedTuple):
     table: Int[np.ndarray, "b n"]
 
 
-def outward_faces(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
-    """The faces, each set of corners once, turned so that they face where their vertices' normals do."""
+def outward_faces(mesh: Mesh) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray, "f"]]:
+    """The faces, each set of corners once, turned so that they face where their vertices' normals do; and areas."""
     faces = mesh.faces
     faces = faces[first_of_duplicates(faces, len(mesh.vertices)) == np.arange(len(faces))]
-    normals = mesh.normals[faces[:, 0]] + mesh.normals[faces[:, 1]] + mesh.normals[faces[:, 2]]
-    against = np.einsum("fi,fi->f", vector_areas(mesh.vertices, faces).astype(np.float32), normals) < 0
-    return np.where(against[:, None], faces[:, ::-1], faces)
+    first, second, third = (np.take(mesh.normals, faces[:, i], axis=0) for i in range(3))
+    vectors = vector_areas(mesh.vertices, faces)
+    against = np.einsum("fi,fi->f", vectors.astype(np.float32), first + second + third) < 0
+    return np.where(against[:, None], faces[:, ::-1], faces), lengths(vectors)
 
 
 def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NEAR) -> Int[np.ndarray, "v m"]:
     """For every vertex the next corners of its first `count` faces, in turn; the vertex itself where it has none."""
     corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    order = np.argsort(corner, kind="stable")
+    # a sort of numbers is five times as fast as one that carries an index: the index is in the lower half
+    order = np.sort((corner.astype(np.int64) << 32) | np.arange(len(corner))) & 0xFFFFFFFF
     found = np.bincount(corner, minlength=n_vertices)
     place = (np.cumsum(found) - found)[:, None] + np.arange(count) % np.maximum(found, 1)[:, None]
     table = np.append(following[order], 0)[np.minimum(place, len(order))].astype(np.int32)
@@ -74,16 +76,15 @@ def normalised(mesh: Mesh) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, 
 
 
 def plan_surfels(
-    mesh: Mesh, positions: Float[np.ndarray, "v 3"], count: int, workers: int = 1
+    mesh: Mesh, positions: Float[np.ndarray, "v 3"], count: int
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
     """The plan of a mesh, and the records of its surfels at these positions."""
-    faces = outward_faces(mesh)
-    area = face_areas(positions, faces)
+    faces, area = outward_faces(mesh)
     axes = surface_axes(positions, faces, area)
     tree = build_tree(positions, faces, area, axes)
     records = surfel_records(tree, positions, faces)
     blocks = vertex_blocks(positions, mesh.normals, axes)
-    table = sight_table(tree, records, positions[blocks], mesh.normals[blocks], count, workers)
+    table = sight_table(tree, records, positions[blocks], mesh.normals[blocks], count)
     return SurfelPlan(faces, tree, blocks, corner_table(faces, len(positions)), table), records
 
 
@@ -96,10 +97,12 @@ def block_arrays(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Nodes and edges of the graph; NumPy, or with `xp` = jax.numpy under jit."""
     nodes = plan.blocks.reshape(-1)
-    place, facing = positions[nodes], normals[nodes]
-    corners = plan.corners[nodes]
-    near = xp.concatenate([positions[corners] - place[:, None], normals[corners]], axis=-1)
-    surfels = records[plan.table.reshape(-1)]
+    both = xp.concatenate([positions, normals], axis=1)
+    own = xp.take(both, nodes, axis=0)
+    place, facing = own[:, :3], own[:, 3:]
+    # the normals of the corners stay as they are
+    near = xp.take(both, plan.corners[nodes], axis=0) - xp.concatenate([place, 0 * facing], axis=1)[:, None]
+    surfels = xp.take(records, plan.table.reshape(-1), axis=0)
     return {"position": place, "normal": facing, "near": near.reshape(len(nodes), -1)}, {"surfel": surfels}
 
 
@@ -110,10 +113,10 @@ def node_slots(blocks: Int[np.ndarray, "b w"], n_vertices: int) -> Int[np.ndarra
     return slot
 
 
-def surfel_graph(mesh: Mesh, count: int, workers: int = 1) -> jraph.GraphsTuple:
+def surfel_graph(mesh: Mesh, count: int) -> jraph.GraphsTuple:
     """The graph of a mesh in which every block looks at `count` surfels."""
     positions, center, unit = normalised(mesh)
-    plan, records = plan_surfels(mesh, positions, count, workers)
+    plan, records = plan_surfels(mesh, positions, count)
     return planned_graph(plan, records, positions, mesh.normals, center, unit)
 
 

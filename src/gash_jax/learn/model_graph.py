@@ -8,7 +8,6 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import surfel_graph
 from gash_jax.nn.registry import ModelConfig
-from gash_jax.prt.bake import available_cores
 from gash_jax.prt.hemisphere import hemisphere_visibility
 
 
@@ -24,7 +23,7 @@ def model_graph(
     each of its directions.
     """
     if config.graph == "surfels":
-        return surfel_graph(mesh, config.neighbours, available_cores())
+        return surfel_graph(mesh, config.neighbours)
     graph = build_graph(mesh, config.graph, config.neighbours, seed, config.encoding)
     if config.name != "teacher":
         return graph
