@@ -26,7 +26,7 @@ WHAT = {
     "two-stage": "The GNN paper's network as published: TransformerConv visibility, then GATv2 coefficients.",
 }
 LIMITS = {
-    "local": "Knows nothing of what is smaller than its surfels (64 to a block of vertices at most), nor of holes "
+    "local": "Knows nothing of what is smaller than its surfels (48 to a block of vertices at most), nor of holes "
     "between them; flat trays and soups of loose triangles are its weakest. `predicted_error` is an expectation over "
     "shapes like those of the corpus and no bound: the results have its calibration.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "

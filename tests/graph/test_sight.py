@@ -9,7 +9,16 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.geometry.primitives import icosphere
 from gash_jax.graph import sight
-from gash_jax.graph.sight import BLOCK, LADDER, NEGLIGIBLE, SMALLEST, sight_table, vertex_blocks
+from gash_jax.graph.sight import (
+    BLOCK,
+    LADDER,
+    NEGLIGIBLE,
+    NEGLIGIBLE_STEPS,
+    SMALLEST,
+    STEPS,
+    sight_table,
+    vertex_blocks,
+)
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfels import FAN
 from gash_jax.nn import surfel_net
@@ -51,7 +60,7 @@ def _importance(record: np.ndarray, positions: np.ndarray, normals: np.ndarray) 
     return 0.999 * s**2 / (d**2 + r**2 + s**2) * min((c + np.hypot(c, sine / 2)) / 2, 1)
 
 
-def _cut(case: _Case, block: int, step: float) -> dict[int, float]:
+def _cut(case: _Case, block: int, step: float, negligible: float = float(NEGLIGIBLE)) -> dict[int, float]:
     """The list of a block when all above this importance is opened: surfel -> importance."""
     positions, normals = case.positions[block].astype(np.float64), case.normals[block].astype(np.float64)
     r = np.sqrt(np.mean(np.sum((positions - positions.mean(0)) ** 2, axis=1)))
@@ -62,7 +71,7 @@ def _cut(case: _Case, block: int, step: float) -> dict[int, float]:
         importance = _importance(record, positions, normals) if record[6] > 0 else 0.0
         if importance > step and child >= 0 and record[7] > SMALLEST * r:
             waiting.extend(range(child, child + FAN))
-        elif importance > NEGLIGIBLE * step:
+        elif importance > negligible * step:
             kept[node] = importance
     return kept
 
@@ -79,6 +88,30 @@ def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:
     # neighbours in space: a block is much smaller than the mesh
     points = bumpy.vertices[blocks]
     assert np.median(np.sqrt(points.var(axis=1).sum(-1))) < 0.6 * np.sqrt(bumpy.vertices.var(axis=0).sum())
+
+
+def test_steps_of_importance_are_eighths_of_octaves() -> None:
+    by_hand = [14 / 128, 15 / 128, *(n / 64 for n in range(8, 16)), *(n / 32 for n in range(8, 16))]
+    np.testing.assert_array_equal(LADDER, np.float32([*by_hand, *(n / 16 for n in range(8, 16)), 1.0]))
+    importance = np.concatenate(
+        [LADDER, np.nextafter(LADDER, np.float32(2)), np.nextafter(LADDER, np.float32(0)), np.float32([0, 1e-30, 1e-3])]
+        + [np.random.default_rng(0).uniform(0, 1, 1000).astype(np.float32)]
+    )
+    steps = sight._steps_below(importance)
+    np.testing.assert_array_equal(np.clip(steps, 0, STEPS), np.searchsorted(LADDER, importance))
+    negligible = np.searchsorted(LADDER, importance / NEGLIGIBLE)
+    np.testing.assert_array_equal(np.clip(steps + NEGLIGIBLE_STEPS, 0, STEPS), negligible)
+
+
+def test_little_importance_is_left_out() -> None:
+    """Of what a cut that opens the same surfels and drops nothing would hold."""
+    case = _bumpy()
+    for block in (0, 7, 18):
+        step = next(float(step) for step in LADDER if len(_cut(case, block, float(step))) <= COUNT)
+        whole, kept = (sum(_cut(case, block, step, share).values()) for share in (0.0, float(NEGLIGIBLE)))
+        assert 0.9 * whole < kept < whole
+        row = case.table()[block]
+        assert np.isin(list(_cut(case, block, step)), row).all()
 
 
 @pytest.mark.parametrize("count", [24, 32, 200])

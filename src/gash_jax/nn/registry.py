@@ -43,7 +43,7 @@ class _Defaults(NamedTuple):
 
 DEFAULTS = {
     "rings": _Defaults(channels=32, layers=3, heads=4, neighbours=32, graph="rings"),
-    "local": _Defaults(channels=24, layers=2, heads=1, neighbours=64, graph="surfels"),
+    "local": _Defaults(channels=16, layers=2, heads=1, neighbours=48, graph="surfels"),
     "two-stage": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "gnn": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),
     "teacher": _Defaults(channels=96, layers=5, heads=4, neighbours=16, graph="knn"),

@@ -77,10 +77,10 @@ class SurfelNet(nn.Module):
     `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers four times as many.
     """
 
-    channels: int = 24
+    channels: int = 16
     layers: int = 2
     bands: int = 3
-    neighbours: int = 64
+    neighbours: int = 48
 
     def setup(self) -> None:
         """The layers by their names in the model file."""
