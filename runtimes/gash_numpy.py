@@ -276,9 +276,24 @@ def surface_axes(points: np.ndarray, faces: np.ndarray, area: np.ndarray) -> np.
     """Principal axes of the surface as columns, each towards its heavier tail; `area` in any unit."""
     middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
     offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
-    _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    moments, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    equal = np.diff(moments) < 1e-3 * moments[2]
+    if equal.all():
+        axes = towards_farthest(offsets, axes)
+    for i in np.flatnonzero(equal)[:1]:
+        axes[:, i : i + 2] = towards_farthest(offsets, axes[:, i : i + 2])
     local = offsets @ axes
-    return axes * np.where(area @ (local * local * local) < 0, -1, 1)
+    cubes = local * local * local
+    tail, reach = area @ cubes, local.max(axis=0, initial=0) + local.min(axis=0, initial=0)
+    return axes * np.where(np.where(np.abs(tail) < 1e-3 * (area @ np.abs(cubes)), reach, tail) < 0, -1, 1)
+
+
+def towards_farthest(offsets: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Other axes of the same span, the last towards the farthest point, the others by Gram and Schmidt."""
+    local = offsets @ axes
+    farthest = local[np.argmax(np.sum(local * local, axis=1))] if len(local) else np.eye(axes.shape[1])[-1]
+    basis, _ = np.linalg.qr(np.concatenate([farthest[:, None], np.eye(axes.shape[1])], axis=1))
+    return axes @ basis[:, ::-1]
 
 
 def build_tree(points: np.ndarray, faces: np.ndarray, area: np.ndarray, axes: np.ndarray) -> Tree:

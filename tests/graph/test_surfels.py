@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, face_areas, transform, vector_areas
+from gash_jax.geometry.primitives import icosphere, uv_sphere
+from gash_jax.graph import surfels
 from gash_jax.graph.surfel_graph import normalised
 from gash_jax.graph.surfels import (
     FAN,
@@ -199,6 +201,49 @@ def test_axes_turn_with_the_mesh(bumpy: Mesh) -> None:
         turn = random_rotation(seed)
         moved = transform(bumpy, turn, np.array([1.0, 2.0, -1.0]), 3.0)
         np.testing.assert_allclose(_axes(moved.vertices, moved.faces), turn @ axes, atol=1e-4)
+
+
+def _spiked(body: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The body and, far out, a face of hardly any area."""
+    spike = np.array([[3, 0.4, 0.2], [3, 0.40001, 0.2], [3, 0.4, 0.20001]], np.float32)
+    faces = np.concatenate([body.faces, np.arange(3, dtype=np.int32)[None] + len(body.vertices)])
+    return np.concatenate([body.vertices, spike]), faces
+
+
+def _spheroid(half_length: float) -> Mesh:
+    """With its axis along y, and eight meridians: two moments are equal."""
+    ball = uv_sphere(6, 8)
+    return ball._replace(vertices=ball.vertices * np.float32([1, half_length, 1]))
+
+
+EVEN = {"long": _spheroid(2.0), "flat": _spheroid(0.5), "round": icosphere(2)}
+
+
+@pytest.mark.parametrize("body", EVEN.values(), ids=EVEN)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_axes_of_a_body_with_equal_moments_turn_with_it(body: Mesh, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    positions, faces = _spiked(body)
+    rotation = random_rotation(seed)
+    turned = (positions @ rotation.T).astype(np.float32)
+
+    def together() -> np.ndarray:
+        return np.abs(_axes(turned, faces).T @ rotation @ _axes(positions, faces))
+
+    # the body is even across the other axes, so their signs are open
+    np.testing.assert_allclose(together(), np.eye(3), atol=1e-4)
+    axes = _axes(turned, faces)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+    # the axes of equal moments alone would turn as they like
+    monkeypatch.setattr(surfels, "EQUAL", 0.0)
+    assert np.abs(together() - np.eye(3)).max() > 0.01
+
+
+def test_an_even_body_looks_where_it_reaches_farther() -> None:
+    positions, faces = _spiked(_spheroid(2.0))
+    along = (positions @ _axes(positions, faces))[-1]
+    # the long axis comes last, and across it the middle one points to the spike
+    np.testing.assert_allclose(along[:2], [0, np.hypot(3, 0.2)], atol=1e-4)
+    np.testing.assert_allclose(abs(along[2]), 0.4, atol=1e-4)
 
 
 def test_codes_by_hand() -> None:

@@ -24,6 +24,8 @@ LEAVES, MOST_PARTS = 8192, 8
 # bits of the curve's code that come before the octant of the normal: two sides of a thin plate part early
 SURFACE_BITS, VERTEX_BITS = 9, 12
 CURVE_BITS = 30
+# relative: moments closer to each other count as equal, smaller third moments as none
+EQUAL = 1e-3
 
 
 class SurfelTree(NamedTuple):
@@ -86,13 +88,32 @@ def curve_order(
 def surface_axes(
     positions: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], area: Float[np.ndarray, "f"]
 ) -> Float[np.ndarray, "3 3"]:
-    """Principal axes of the surface as columns, each towards its heavier tail: they turn with the mesh."""
+    """Principal axes of the surface as columns, each towards its heavier tail: they turn with the mesh.
+
+    A body of threefold or higher symmetry has equal moments, and no principal axes: there the last of them points to
+    the farthest face. What is too even to have a heavier tail looks where it reaches farther.
+    """
     first, second, third = (np.take(np.asarray(positions, np.float32), faces[:, i], axis=0) for i in range(3))
     middles = (first + second + third).astype(np.float64) / 3
     offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
-    _, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    moments, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    equal = np.diff(moments) < EQUAL * moments[2]
+    if equal.all():
+        axes = _towards_farthest(offsets, axes)
+    for i in np.flatnonzero(equal)[:1]:
+        axes[:, i : i + 2] = _towards_farthest(offsets, axes[:, i : i + 2])
     local = offsets @ axes
-    return axes * np.where(area @ (local * local * local) < 0, -1, 1)
+    cubes = local * local * local
+    tail, reach = area @ cubes, local.max(axis=0, initial=0) + local.min(axis=0, initial=0)
+    return axes * np.where(np.where(np.abs(tail) < EQUAL * (area @ np.abs(cubes)), reach, tail) < 0, -1, 1)
+
+
+def _towards_farthest(offsets: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Other orthonormal axes of the same span, the last of them towards the point that lies farthest along it."""
+    local = offsets @ axes
+    farthest = local[np.argmax(np.sum(local * local, axis=1))] if len(local) else np.eye(axes.shape[1])[-1]
+    basis, _ = np.linalg.qr(np.concatenate([farthest[:, None], np.eye(axes.shape[1])], axis=1))
+    return axes @ basis[:, ::-1]
 
 
 def build_tree(
