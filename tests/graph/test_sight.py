@@ -92,9 +92,15 @@ def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:
 
 def test_steps_of_importance_are_eighths_of_octaves() -> None:
     by_hand = [14 / 128, 15 / 128, *(n / 64 for n in range(8, 16)), *(n / 32 for n in range(8, 16))]
-    np.testing.assert_array_equal(LADDER, np.float32([*by_hand, *(n / 16 for n in range(8, 16)), 1.0]))
+    by_hand += [*(n / 16 for n in range(8, 16)), 1.0]
+    np.testing.assert_array_equal(LADDER, np.array(by_hand, np.float32))
     importance = np.concatenate(
-        [LADDER, np.nextafter(LADDER, np.float32(2)), np.nextafter(LADDER, np.float32(0)), np.float32([0, 1e-30, 1e-3])]
+        [
+            LADDER,
+            np.nextafter(LADDER, np.float32(2)),
+            np.nextafter(LADDER, np.float32(0)),
+            np.array([0, 1e-30, 1e-3], np.float32),
+        ]
         + [np.random.default_rng(0).uniform(0, 1, 1000).astype(np.float32)]
     )
     steps = sight._steps_below(importance)

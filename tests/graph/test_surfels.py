@@ -213,7 +213,7 @@ def _spiked(body: Mesh) -> tuple[np.ndarray, np.ndarray]:
 def _spheroid(half_length: float) -> Mesh:
     """With its axis along y, and eight meridians: two moments are equal."""
     ball = uv_sphere(6, 8)
-    return ball._replace(vertices=ball.vertices * np.float32([1, half_length, 1]))
+    return ball._replace(vertices=ball.vertices * np.array([1, half_length, 1], np.float32))
 
 
 EVEN = {"long": _spheroid(2.0), "flat": _spheroid(0.5), "round": icosphere(2)}
