@@ -16,7 +16,7 @@ surfel takes, about or below the horizon, makes the others coarser. On a convex 
 relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
 
 The steps are those float32 at which the bits of the mantissa below the third are 0, eight to an octave: which of them
-an importance lies between is an addition and a shift of its bits, where a search would take a quarter of all time.
+an importance lies between is an addition and a shift of its bits, where a search took a fifth of all time.
 """
 
 import numpy as np
@@ -122,7 +122,7 @@ def _importance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Importance of every pair, below 1, and whether the surfel is too small to be opened for its block.
 
-    In place: new arrays for every step would take as long as the arithmetic.
+    In place: a new array for every step costs time.
     """
     x, y, z, s = (np.take(column, node) for column in columns)
     mx, my, mz, ax, ay, az, r, spread = (np.take(column, block) for column in own)

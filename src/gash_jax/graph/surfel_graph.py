@@ -54,7 +54,7 @@ def outward_faces(mesh: Mesh) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray,
 def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NEAR) -> Int[np.ndarray, "v m"]:
     """For every vertex the next corners of its first `count` faces, in turn; the vertex itself where it has none."""
     corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    # a sort of numbers is five times as fast as one that carries an index: the index is in the lower half
+    # NumPy sorts plain numbers faster than it finds their order: the index is in the lower half
     order = np.sort((corner.astype(np.int64) << 32) | np.arange(len(corner))) & 0xFFFFFFFF
     found = np.bincount(corner, minlength=n_vertices)
     place = (np.cumsum(found) - found)[:, None] + np.arange(count) % np.maximum(found, 1)[:, None]
@@ -101,7 +101,7 @@ def block_arrays(
     own = xp.take(both, nodes, axis=0)
     place, facing = own[:, :3], own[:, 3:]
     # the normals of the corners stay as they are
-    near = xp.take(both, plan.corners[nodes], axis=0) - xp.concatenate([place, 0 * facing], axis=1)[:, None]
+    near = xp.take(both, plan.corners[nodes], axis=0) - xp.concatenate([place, xp.zeros_like(facing)], axis=1)[:, None]
     surfels = xp.take(records, plan.table.reshape(-1), axis=0)
     return {"position": place, "normal": facing, "near": near.reshape(len(nodes), -1)}, {"surfel": surfels}
 
