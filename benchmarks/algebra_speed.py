@@ -26,7 +26,7 @@ from kingdon import Algebra
 
 from gash_jax.algebra.cga import geometric_product
 from gash_jax.algebra.sh import sh_components
-from gash_jax.apps.provenance import provenance
+from gash_jax.measure.provenance import provenance
 
 CHUNKS = (2048, 8192, 32768)
 

@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from gash_jax.algebra.directions import orthonormal_frame
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.cores import available_cores
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.mesh_io import load_mesh
-from gash_jax.prt.bake import available_cores, bake_transfer
+from gash_jax.measure.provenance import provenance
+from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.sampling import sample_rays
 from gash_jax.prt.visibility import visibility

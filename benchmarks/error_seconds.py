@@ -23,10 +23,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from peers import installed_peers
 
 from gash_jax.algebra.directions import orthonormal_frame
-from gash_jax.apps.provenance import provenance
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.mesh_io import load_mesh
-from gash_jax.learn.metrics import relrmse
+from gash_jax.measure.metrics import relrmse
+from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
 from gash_jax.prt.rays import trace_geometry

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gash_jax.apps.provenance import provenance
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.health import MeshError
-from gash_jax.geometry.mesh_io import load_mesh
-from gash_jax.learn.metrics import calibration
+from gash_jax.measure.metrics import calibration
+from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
 from gash_jax.prt.plan import plan_bake

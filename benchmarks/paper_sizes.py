@@ -15,11 +15,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from gash_jax.apps.provenance import provenance
-from gash_jax.geometry.primitives import bumpy_sphere
+from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
 from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.shapes.primitives import bumpy_sphere
 
 # vertices, unshadowed and shadowed seconds of Table 1
 PAPER = ((2868, 25.5, 117.0), (24461, 216.9, 1408.7), (49990, 445.9, 2963.7), (72027, 639.2, 5009.2))

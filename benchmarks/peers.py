@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gash_jax.prt.bake import available_cores
+from gash_jax.files.cores import available_cores
 from gash_jax.prt.visibility import visibility
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]

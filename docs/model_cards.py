@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from baking_tables import origin
 from local_tables import table
 
-from gash_jax.learn.model import load_model, shipped_models
+from gash_jax.models.model import load_model, shipped_models
 
 # the name under which the results know the shipped weights
 MEASURED = {"local": "local", "mlp": "mlp-long", "two-stage": "two-stage-long"}

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 import gash_jax
-from gash_jax.geometry.mesh_io import save_mesh
-from gash_jax.geometry.primitives import bumpy_sphere
-from gash_jax.prt.hdr_io import write_hdr
-from gash_jax.prt.studio import studio_light
+from gash_jax.formats.hdr import write_hdr
+from gash_jax.formats.meshes import save_mesh
+from gash_jax.light.studio import studio_light
+from gash_jax.shapes.primitives import bumpy_sphere
 
 
 def test_the_whole_way(tmp_path: Path) -> None:

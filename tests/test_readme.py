@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gash_jax.apps.cli import gash
-from gash_jax.geometry.mesh_io import save_mesh
-from gash_jax.geometry.primitives import bumpy_sphere
-from gash_jax.prt.hdr_io import write_hdr
-from gash_jax.prt.studio import studio_light
+from gash_jax.formats.hdr import write_hdr
+from gash_jax.formats.meshes import save_mesh
+from gash_jax.light.studio import studio_light
+from gash_jax.shapes.primitives import bumpy_sphere
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SWEEP = """

@@ -13,8 +13,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # the scenes are the tests'
 
-from gash_jax.apps.provenance import provenance
-from gash_jax.learn.metrics import calibration
+from gash_jax.measure.metrics import calibration
+from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
 from tests.helpers.calibration import FREE, LESS_THAN_A_RAY, BakeFn, scene_errors

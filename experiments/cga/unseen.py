@@ -17,12 +17,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
 
 from evaluate import load_meshes
 
-from gash_jax.apps.evaluating import write_json
 from gash_jax.apps.progress import progress_bar
-from gash_jax.apps.provenance import provenance
-from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
-from gash_jax.learn.metrics import skill
-from gash_jax.learn.model import load_model
+from gash_jax.files.atomic import write_json
+from gash_jax.measure.metrics import skill
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
+from gash_jax.models.model import load_model
 
 TWICE = "igea"
 # of the line that the sweep wrote

@@ -14,8 +14,8 @@ import numpy as np
 from experiments.hard_cases import directions, meshes
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.health import prepare_mesh
-from gash_jax.prt.light import project_light
-from gash_jax.prt.shading import shade
+from gash_jax.light.environment import project_light
+from gash_jax.light.shading import shade
 
 U = 2.0**-24
 

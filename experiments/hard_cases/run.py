@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))  # the cases import each other from the root, as the tests do
 
 from experiments.hard_cases.cases import CASES, Result, judge  # noqa: E402
-from gash_jax.apps.provenance import provenance  # noqa: E402
+from gash_jax.measure.provenance import provenance  # noqa: E402
 
 
 def _number(value: float | str) -> str:

@@ -20,18 +20,18 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
 import latency
 from evaluate import load_meshes
 
-from gash_jax.apps.evaluating import write_json
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.atomic import write_json
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.primitives import bumpy_sphere
-from gash_jax.learn import metrics
-from gash_jax.learn.deforming import deforming_predictor
-from gash_jax.learn.evaluation import REFERENCE_RAYS, Reference, make_reference, score
-from gash_jax.learn.model import Model, load_model
-from gash_jax.learn.timing import timed
+from gash_jax.measure import metrics
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import REFERENCE_RAYS, Reference, make_reference, score
+from gash_jax.measure.timing import timed
+from gash_jax.models.deforming import deforming_predictor
+from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.shapes.primitives import bumpy_sphere
 
 # frequencies of the geodesic sphere: 10 f² + 2 vertices
 RESOLUTIONS = (32, 100, 178, 316)

@@ -21,15 +21,15 @@ from evaluate import load_meshes
 
 from gash_jax.algebra.motors import compose, inverse, motor
 from gash_jax.algebra.sh_rotation import rotate_coefficients
-from gash_jax.apps.evaluating import write_json
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.atomic import write_json
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.geometry.primitives import box, icosphere
 from gash_jax.graph.surfel_graph import normalised, plan_surfels, planned_graph
 from gash_jax.graph.surfels import surfel_records
-from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
-from gash_jax.learn.model import Model, load_model
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
+from gash_jax.models.model import Model, load_model
 from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.shapes.primitives import box, icosphere
 
 SCALE, SHIFT = 2.5, (3.0, -1.0, 2.0)
 DECILES = 10

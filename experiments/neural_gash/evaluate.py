@@ -20,17 +20,18 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from variants import LONG, SHORT, folder_of
 
-from gash_jax.apps.evaluating import evaluate_mesh, write_json
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.atomic import write_json
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.mesh_io import load_mesh
-from gash_jax.graph.ambient import ambient_refinement
-from gash_jax.learn.evaluation import REFERENCE_RAYS, Reference, make_reference, score
-from gash_jax.learn.model import Model, load_model
-from gash_jax.learn.shapes import make_shape
-from gash_jax.learn.timing import timed
+from gash_jax.measure.methods import evaluate_mesh
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import REFERENCE_RAYS, Reference, make_reference, score
+from gash_jax.measure.timing import timed
+from gash_jax.models.ambient import ambient_refinement
+from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.shapes.procedural import make_shape
 
 TEST = (
     *("alligator", "beetle", "brain_pial_right", "busted", "face_open", "fandisk", "fixed_top", "heart_coarse"),

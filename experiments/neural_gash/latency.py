@@ -18,12 +18,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from evaluate import load_meshes
 
-from gash_jax.apps.evaluating import write_json
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.atomic import write_json
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.graph.ambient import ambient_refinement
-from gash_jax.learn.model import Model, load_model
-from gash_jax.learn.timing import timed
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.timing import timed
+from gash_jax.models.ambient import ambient_refinement
+from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
 
 BAKE_RAYS, LARGE = 256, 50_000

@@ -14,13 +14,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from evaluate import load_meshes, load_models
 
-from gash_jax.apps.picture import montage, signed_colors, write_png
-from gash_jax.apps.render import cast_view, exposure_for, shade_view, to_srgb
-from gash_jax.learn import metrics
-from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
-from gash_jax.prt.light import project_light
-from gash_jax.prt.shading import shade
-from gash_jax.prt.studio import studio_light
+from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
+from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.light.environment import project_light
+from gash_jax.light.shading import shade
+from gash_jax.light.studio import studio_light
+from gash_jax.measure import metrics
+from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
 
 SHOWN = ("generated 1", "generated 2", "spot", "stanford_bunny")
 FULL = 0.3

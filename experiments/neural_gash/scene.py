@@ -18,19 +18,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from evaluate import load_models
 
-from gash_jax.apps.evaluating import write_json
-from gash_jax.apps.provenance import provenance
-from gash_jax.apps.render import cast_view, shade_view
+from gash_jax.apps.pictures.views import cast_view, shade_view
+from gash_jax.files.atomic import write_json
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.learn import metrics
-from gash_jax.learn.shapes import make_shape
-from gash_jax.learn.triangles import Triangles, join, moved
+from gash_jax.light.environment import load_light, project_light
+from gash_jax.light.shading import shade
+from gash_jax.light.studio import studio_light
+from gash_jax.measure import metrics
+from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.light import load_light, project_light
-from gash_jax.prt.shading import shade
-from gash_jax.prt.studio import studio_light
 from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.shapes.procedural import make_shape
+from gash_jax.shapes.triangles import Triangles, join, moved
 
 MAPS = {"dark": "grace_256.hdr", "normal": "uffizi_256.hdr", "bright": "venice_sunset_1k.hdr"}
 BODIES = ((12, 2), (12, 6), (12, 3))

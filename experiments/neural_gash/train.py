@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from variants import run_configs
 
 from gash_jax.apps.progress import progress_bar
-from gash_jax.learn.run import run_config
+from gash_jax.train.run import run_config
 
 
 def main(runs: Path, names: list[str]) -> None:

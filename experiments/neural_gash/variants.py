@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from gash_jax.learn.config import RunConfig, load_config
+from gash_jax.train.config import RunConfig, load_config
 
 SUBSET = ["data.shapes=64", "train.seconds=300", "train.clock=cpu", "train.batch_vertices=10752"]
 # strategy (i) of the paper is a deeper network *and* more data

@@ -10,8 +10,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from sampler import RULES, errors
 
-from gash_jax.apps.evaluating import write_json
-from gash_jax.apps.provenance import provenance
+from gash_jax.files.atomic import write_json
+from gash_jax.measure.provenance import provenance
 
 
 def main(output: Path | None) -> dict:

@@ -9,35 +9,37 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gash_jax.files.atomic import FileError
+    from gash_jax.files.strict import ConfigError
+    from gash_jax.formats.meshes import load_mesh, read_mesh
     from gash_jax.geometry.health import HealthReport, MeshError
     from gash_jax.geometry.mesh import Mesh
-    from gash_jax.geometry.mesh_io import load_mesh, read_mesh
-    from gash_jax.geometry.npz_io import FileError
-    from gash_jax.learn.config import ConfigError, RunConfig, load_config
-    from gash_jax.learn.deforming import deforming_predictor
-    from gash_jax.learn.model import Model, load_model
+    from gash_jax.light.environment import Light, load_light, project_light, save_light
+    from gash_jax.light.shading import shade
+    from gash_jax.models.deforming import deforming_predictor
+    from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
-    from gash_jax.prt.light import Light, load_light, project_light, save_light
     from gash_jax.prt.plan import plan_bake
-    from gash_jax.prt.shading import shade
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer, unshadowed_transfer
+    from gash_jax.train.config import RunConfig, load_config
 
 __version__ = version("gash-jax")
 
 _HOMES = {
     "geometry.health": ("HealthReport", "MeshError"),
     "geometry.mesh": ("Mesh",),
-    "geometry.mesh_io": ("load_mesh", "read_mesh"),
-    "geometry.npz_io": ("FileError",),
-    "learn.config": ("ConfigError", "RunConfig", "load_config"),
-    "learn.deforming": ("deforming_predictor",),
-    "learn.model": ("Model", "load_model"),
+    "formats.meshes": ("load_mesh", "read_mesh"),
+    "files.atomic": ("FileError",),
+    "files.strict": ("ConfigError",),
+    "train.config": ("RunConfig", "load_config"),
+    "models.deforming": ("deforming_predictor",),
+    "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
-    "prt.light": ("Light", "load_light", "project_light", "save_light"),
+    "light.environment": ("Light", "load_light", "project_light", "save_light"),
     "prt.plan": ("plan_bake",),
-    "prt.shading": ("shade",),
+    "light.shading": ("shade",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer", "unshadowed_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from gash_jax.apps.cli import gash
-from gash_jax.geometry.mesh_io import save_mesh
-from gash_jax.geometry.primitives import bumpy_sphere
-from gash_jax.prt.hdr_io import write_hdr
-from gash_jax.prt.studio import studio_light
+from gash_jax.formats.hdr import write_hdr
+from gash_jax.formats.meshes import save_mesh
+from gash_jax.light.studio import studio_light
 from gash_jax.prt.transfer import load_transfer
+from gash_jax.shapes.primitives import bumpy_sphere
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import pytest
 from PIL import Image
 
 from gash_jax.apps.cli import gash, main
-from gash_jax.geometry.mesh_io import save_mesh
-from gash_jax.geometry.npz_io import write_npz
-from gash_jax.geometry.primitives import bumpy_sphere, icosphere
-from gash_jax.prt.hdr_io import write_hdr
-from gash_jax.prt.studio import studio_light
+from gash_jax.files.npz import write_npz
+from gash_jax.formats.hdr import write_hdr
+from gash_jax.formats.meshes import save_mesh
+from gash_jax.light.studio import studio_light
+from gash_jax.shapes.primitives import bumpy_sphere, icosphere
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gash_jax.apps import corpus_sheet, demo, evaluating
+from gash_jax.apps import demo, evaluating
+from gash_jax.apps.pictures import corpus_sheet
 from gash_jax.apps.cli import gash
-from gash_jax.geometry.mesh_io import save_mesh
-from gash_jax.geometry.primitives import bumpy_sphere
-from gash_jax.learn.config import DataConfig, TrainConfig, load_config
-from gash_jax.learn.model import load_model, shipped_models
-from gash_jax.nn.registry import ModelConfig
+from gash_jax.formats.meshes import save_mesh
+from gash_jax.models.config import ModelConfig
+from gash_jax.models.model import load_model, shipped_models
 from gash_jax.prt.transfer import load_transfer
+from gash_jax.shapes.primitives import bumpy_sphere
+from gash_jax.train.config import DataConfig, TrainConfig, load_config
 
 WEIGHTS = str(shipped_models()["local"])
 TINY = """

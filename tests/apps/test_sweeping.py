@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from gash_jax.apps.cli import gash
-from gash_jax.apps.plots import pareto_front
+from gash_jax.apps.pictures.plots import pareto_front
 
 SPEC = """
 name = "tiny"

@@ -14,10 +14,10 @@ sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/cga", "docs")]
 import cga_table  # noqa: E402  # pyright: ignore[reportMissingImports]
 import unseen  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.learn.model import save_model  # noqa: E402
-from gash_jax.learn.model_graph import model_graph  # noqa: E402
-from gash_jax.learn.sweep import load_sweep  # noqa: E402
-from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.model import save_model  # noqa: E402
+from gash_jax.models.model_graph import model_graph  # noqa: E402
+from gash_jax.train.sweep import load_sweep  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
 

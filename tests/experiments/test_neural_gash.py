@@ -18,9 +18,9 @@ import speed  # noqa: E402  # pyright: ignore[reportMissingImports]
 import trust  # noqa: E402  # pyright: ignore[reportMissingImports]
 import variants  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.learn.model import save_model  # noqa: E402
-from gash_jax.learn.model_graph import model_graph  # noqa: E402
-from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.model import save_model  # noqa: E402
+from gash_jax.models.model_graph import model_graph  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
 SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}

@@ -4,10 +4,10 @@ import re
 import numpy as np
 import pytest
 
+from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.health import HealthReport, prepare_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError, angle_weighted_normals, concatenate, transform, vector_areas
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.geometry.primitives import box, bumpy_sphere, icosphere, plane, spherical_bowl
+from gash_jax.shapes.primitives import box, bumpy_sphere, icosphere, plane, spherical_bowl
 from tests.helpers.bumpy import random_rotation
 from tests.helpers.shared_data import SHARED, shared_file
 

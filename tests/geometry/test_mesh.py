@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from gash_jax.geometry import mesh as m
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.primitives import box, bumpy_sphere, icosphere
+from gash_jax.shapes.primitives import box, bumpy_sphere, icosphere
 from tests.helpers.bumpy import random_rotation
 
 QUAD = Mesh(

@@ -3,7 +3,7 @@ import pytest
 
 from gash_jax.geometry.mesh import concatenate, transform
 from gash_jax.geometry.nesting import containment
-from gash_jax.geometry.primitives import box, icosphere, torus
+from gash_jax.shapes.primitives import box, icosphere, torus
 from tests.helpers.bumpy import random_rotation
 
 

@@ -3,7 +3,7 @@ import numpy as np
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.geometry.normals import VertexNormals, vertex_normals
 from gash_jax.geometry.orientation import orient
-from gash_jax.geometry.primitives import icosphere, plane, spherical_bowl
+from gash_jax.shapes.primitives import icosphere, plane, spherical_bowl
 
 BALL = icosphere(2)
 

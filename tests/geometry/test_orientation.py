@@ -3,8 +3,8 @@ import pytest
 
 from gash_jax.geometry.mesh import Mesh, concatenate, face_areas, transform, vector_areas
 from gash_jax.geometry.orientation import orient
-from gash_jax.geometry.primitives import box, bumpy_sphere, icosphere, plane, spherical_bowl, torus
 from gash_jax.geometry.topology import build_edges
+from gash_jax.shapes.primitives import box, bumpy_sphere, icosphere, plane, spherical_bowl, torus
 from tests.helpers.bumpy import random_rotation
 
 SOLIDS = {"sphere": icosphere(2), "bumpy": bumpy_sphere(6), "torus": torus(1.0, 0.4, 20, 10), "box of six sides": box()}

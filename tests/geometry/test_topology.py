@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gash_jax.geometry import topology as t
-from gash_jax.geometry.primitives import icosphere, torus
+from gash_jax.shapes.primitives import icosphere, torus
 
 STRIP = np.array([[0, 1, 2], [2, 1, 3]])  # two triangles, properly wound, sharing edge 1-2
 

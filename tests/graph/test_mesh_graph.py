@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, subdivide_midpoint, transform
-from gash_jax.graph.encoding import motor_nodes
+from gash_jax.graph.encodings import motor_nodes
 from gash_jax.graph.mesh_graph import (
     build_graph,
     edgeless_graph,

@@ -9,7 +9,6 @@ import pytest
 
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.graph.mesh_graph import surface_radius
-from gash_jax.graph.sight import BLOCK
 from gash_jax.graph.surfel_graph import (
     NEAR,
     block_arrays,
@@ -19,6 +18,7 @@ from gash_jax.graph.surfel_graph import (
     plan_surfels,
     surfel_graph,
 )
+from gash_jax.graph.surfel_selection import BLOCK
 from gash_jax.graph.surfels import surfel_records
 from tests.helpers.bumpy import bumpy_mesh
 

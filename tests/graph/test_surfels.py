@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, face_areas, transform, vector_areas
-from gash_jax.geometry.primitives import icosphere, uv_sphere
 from gash_jax.graph import surfels
 from gash_jax.graph.surfel_graph import normalised
 from gash_jax.graph.surfels import (
@@ -23,6 +22,7 @@ from gash_jax.graph.surfels import (
     surface_axes,
     surfel_records,
 )
+from gash_jax.shapes.primitives import icosphere, uv_sphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
 LEAF = SurfelTree(np.zeros(1, np.int32), np.zeros(1, np.int32), np.full(1, -1, np.int32), (1,))

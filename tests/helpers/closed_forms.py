@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gash_jax.geometry.mesh import Mesh, center_and_scale, concatenate, face_areas, face_normals
-from gash_jax.geometry.primitives import box, grid, icosphere, patch, spherical_bowl, v_groove
+from gash_jax.shapes.primitives import box, grid, icosphere, patch, spherical_bowl, v_groove
 from tests.helpers.transfer_formulas import (
     Y00,
     cavity_ao,

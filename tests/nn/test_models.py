@@ -12,7 +12,7 @@ import pytest
 
 from gash_jax.graph.batching import batch_graphs, pad_graph
 from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
-from gash_jax.nn.registry import ModelConfig, build_model
+from gash_jax.models.config import ModelConfig, build_model
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 NAMES = ("mlp", "two-stage", "rings")

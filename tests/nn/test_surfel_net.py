@@ -10,11 +10,11 @@ import pytest
 
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.geometry.primitives import icosphere
 from gash_jax.graph.surfel_graph import block_arrays, normalised, plan_surfels, surfel_graph
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.nn.closed_form import closed_form
 from gash_jax.nn.surfel_net import SurfelNet, by_band, fall_back
+from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
 COUNT = 24

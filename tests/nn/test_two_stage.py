@@ -8,7 +8,7 @@ import numpy as np
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import knn_graph, mesh_edge_graph
-from gash_jax.nn.registry import ModelConfig, build_model
+from gash_jax.models.config import ModelConfig, build_model
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 

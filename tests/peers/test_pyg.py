@@ -20,12 +20,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import pyg_two_stage  # noqa: E402  # pyright: ignore[reportMissingImports]
 from torch_geometric import nn as pyg  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.learn.model import load_model, save_model  # noqa: E402
-from gash_jax.learn.model_graph import model_graph  # noqa: E402
-from gash_jax.learn.shapes import make_shape  # noqa: E402
+from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.model import load_model, save_model  # noqa: E402
+from gash_jax.models.model_graph import model_graph  # noqa: E402
 from gash_jax.nn.attention import GATv2Conv, TransformerConv  # noqa: E402
 from gash_jax.nn.inputs import node_arrays  # noqa: E402
-from gash_jax.nn.registry import ModelConfig, build_model  # noqa: E402
+from gash_jax.shapes.procedural import make_shape  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
 LAYERS: dict[str, tuple[Any, Any]] = {

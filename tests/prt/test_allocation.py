@@ -3,8 +3,8 @@
 import numpy as np
 import scipy.sparse as sp
 
-from gash_jax.geometry.primitives import icosphere
 from gash_jax.prt.allocation import VARIANCE, choose_doublings, lattice_variance, neighbour_mean
+from gash_jax.shapes.primitives import icosphere
 
 
 def test_lattice_variance_by_hand() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.primitives import icosphere, spherical_bowl
 from gash_jax.prt.hemisphere import DIRECTIONS, hemisphere_directions, hemisphere_visibility
+from gash_jax.shapes.primitives import icosphere, spherical_bowl
 
 
 def test_directions_by_hand() -> None:

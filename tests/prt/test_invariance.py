@@ -11,12 +11,12 @@ from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.motors import rotor_from_normal, rotor_to_matrix
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.geometry.primitives import bumpy_sphere, spherical_bowl
-from gash_jax.learn.shapes import make_shape
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.sampling import sample_rays
 from gash_jax.prt.visibility import visibility
+from gash_jax.shapes.primitives import bumpy_sphere, spherical_bowl
+from gash_jax.shapes.procedural import make_shape
 
 RAYS, SEED = 256, 3
 MESHES = {

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from gash_jax.geometry.primitives import bumpy_sphere, icosphere
-from gash_jax.learn.shapes import make_shape
+from gash_jax.light.environment import project_light
+from gash_jax.light.studio import studio_light
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
-from gash_jax.prt.light import project_light
 from gash_jax.prt.plan import irradiance_bands, plan_bake, transfer_bytes
-from gash_jax.prt.studio import studio_light
 from gash_jax.prt.transfer import save_transfer
+from gash_jax.shapes.primitives import bumpy_sphere, icosphere
+from gash_jax.shapes.procedural import make_shape
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])

@@ -7,11 +7,11 @@ from scipy.spatial import ConvexHull
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.geometry.primitives import box, bumpy_sphere, grid, icosphere, plane, uv_sphere
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.rays import MAX_LIFT, MIN_OFFSET, ray_offset, sliver_lifts, trace_geometry
 from gash_jax.prt.sampling import sample_rays
 from gash_jax.prt.visibility import visibility
+from gash_jax.shapes.primitives import box, bumpy_sphere, grid, icosphere, plane, uv_sphere
 
 
 def _random_rotation(seed: int) -> np.ndarray:

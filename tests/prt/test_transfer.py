@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from gash_jax.algebra.sh import evaluate_sh
-from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
-from gash_jax.geometry.primitives import icosphere
+from gash_jax.files.atomic import FileError
+from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.transfer import load_transfer, save_transfer, unshadowed_transfer
+from gash_jax.shapes.primitives import icosphere
 
 
 def test_closed_form_against_quadrature() -> None:

@@ -5,12 +5,12 @@ import pytest
 
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.primitives import bumpy_sphere, spherical_bowl, two_plates, v_groove
-from gash_jax.learn.shapes import make_shape
 from gash_jax.prt.embree import embree_closest_hit
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.sampling import sample_rays
 from gash_jax.prt.visibility import visibility
+from gash_jax.shapes.primitives import bumpy_sphere, spherical_bowl, two_plates, v_groove
+from gash_jax.shapes.procedural import make_shape
 from tests.helpers.grazing import grazing_rays
 
 MESHES = {

@@ -12,11 +12,11 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
-from gash_jax.learn.model import Model, load_model, save_model, shipped_models
-from gash_jax.learn.model_graph import model_graph
-from gash_jax.learn.shapes import make_shape
-from gash_jax.nn.registry import DEFAULTS, ModelConfig, build_model
+from gash_jax.models.config import DEFAULTS, ModelConfig, build_model
+from gash_jax.models.model import Model, load_model, save_model, shipped_models
+from gash_jax.models.model_graph import model_graph
 from gash_jax.prt.hemisphere import hemisphere_visibility
+from gash_jax.shapes.procedural import make_shape
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 ROOT = Path(__file__).parents[2]

@@ -6,13 +6,13 @@ from typing import Any
 
 from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.apps.progress import progress_bar, say
+from gash_jax.files.atomic import check_writable
+from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.health import HealthReport
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.geometry.npz_io import check_writable
-from gash_jax.learn import metrics
+from gash_jax.light.environment import load_light
+from gash_jax.measure import metrics
 from gash_jax.prt.bake import bake_transfer, choose_replicates
 from gash_jax.prt.error_target import bake_to_error, check_error
-from gash_jax.prt.light import load_light
 from gash_jax.prt.plan import plan_bake
 from gash_jax.prt.transfer import Transfer, save_transfer
 

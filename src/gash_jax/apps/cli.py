@@ -25,7 +25,7 @@ from gash_jax.apps.options import (
     quiet_option,
     up_option,
 )
-from gash_jax.apps.render import VIEWS
+from gash_jax.apps.pictures.views import VIEWS
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})

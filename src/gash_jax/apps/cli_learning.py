@@ -39,7 +39,7 @@ def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet:
 @quiet_option
 def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
     """Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an interruption."""
-    from gash_jax.apps import corpus_sheet
+    from gash_jax.apps.pictures import corpus_sheet
 
     corpus_sheet.corpus(config, overrides, output, quiet)
 

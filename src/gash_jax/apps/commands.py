@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from gash_jax.apps.picture import montage, write_png
+from gash_jax.apps.pictures.montage import montage, write_png
+from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.progress import progress_bar, say
-from gash_jax.apps.render import cast_view, exposure_for, shade_view, to_srgb
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.geometry.npz_io import FileError, check_writable, read_npz
-from gash_jax.learn import metrics
-from gash_jax.prt.light import load_light, save_light
-from gash_jax.prt.shading import shade
+from gash_jax.files.atomic import FileError, check_writable
+from gash_jax.files.npz import read_npz
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.light.environment import load_light, save_light
+from gash_jax.light.shading import shade
+from gash_jax.measure import metrics
 from gash_jax.prt.transfer import Transfer, load_transfer
 
 

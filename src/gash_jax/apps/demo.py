@@ -14,22 +14,24 @@ from typing import Any
 
 import numpy as np
 
-from gash_jax.apps.evaluating import measure_methods, print_methods, write_json
-from gash_jax.apps.picture import montage, signed_colors, write_png
+from gash_jax.apps.evaluating import print_methods
+from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
+from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.progress import progress_bar, say
-from gash_jax.apps.provenance import provenance
-from gash_jax.apps.render import cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.files.atomic import write_json
+from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.learn.config import DataConfig, RunConfig, load_config
-from gash_jax.learn.corpus import build_corpus, split_indices
-from gash_jax.learn.evaluation import REFERENCE_RAYS, make_reference
-from gash_jax.learn.model import Model, load_model
-from gash_jax.learn.run import run_config
-from gash_jax.learn.shapes import make_shape
-from gash_jax.prt.light import load_light, project_light
-from gash_jax.prt.shading import shade
-from gash_jax.prt.studio import studio_light
+from gash_jax.light.environment import load_light, project_light
+from gash_jax.light.shading import shade
+from gash_jax.light.studio import studio_light
+from gash_jax.measure.methods import measure_methods
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
+from gash_jax.models.model import Model, load_model
+from gash_jax.shapes.procedural import make_shape
+from gash_jax.train.config import DataConfig, RunConfig, load_config
+from gash_jax.train.corpus import build_corpus, split_indices
+from gash_jax.train.run import run_config
 
 DATA = DataConfig(shapes=96, validation_shapes=8, rays=256, min_vertices=600, max_vertices=1800)
 MODELS = ("mlp", "two-stage", "local")

@@ -1,7 +1,6 @@
 """Speed against error: `gash bench` (every method on one mesh) and `gash evaluate` (one model on many meshes)."""
 
 import json
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,39 +10,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from gash_jax.apps.progress import UpdateFn, progress_bar, say
-from gash_jax.apps.provenance import provenance
-from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.geometry.npz_io import check_writable
-from gash_jax.learn.evaluation import Reference, make_reference, score, visibility_score
-from gash_jax.learn.model import Model, load_model
-from gash_jax.learn.timing import timed
-from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.apps.progress import progress_bar, say
+from gash_jax.files.atomic import check_writable, write_json
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.measure.methods import evaluate_mesh, measure_methods
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import make_reference
+from gash_jax.models.model import Model, load_model
 
-PLAIN_RAYS = (8, 16, 32, 64, 128, 256)
 SHORT = ("relrmse", "skill", "equivalent_rays")
-
-
-def measure_methods(
-    mesh: Mesh, models: dict[str, Model], reference: Reference, update: UpdateFn
-) -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
-    """Rows of the table: closed form, plain bakes, models, each timed and scored; and the coefficients by method."""
-    bands = round(reference.coefficients.shape[1] ** 0.5)
-    methods: dict[str, Callable[[], np.ndarray]] = {
-        "closed form": lambda: np.asarray(unshadowed_transfer(mesh.normals, bands))
-    }
-    for rays in PLAIN_RAYS:
-        methods[f"plain bake, {rays} rays"] = lambda n=rays: bake_transfer(mesh, bands, n, replicates=1).coefficients
-    for name, model in models.items():
-        methods[name] = lambda m=model: m.predict(mesh).coefficients
-    rows, found = [], {"reference": reference.coefficients}
-    for step, (name, work) in enumerate(methods.items()):
-        found[name], seconds = timed(work)
-        rows.append({"method": name, "seconds": seconds, **score(found[name], mesh, reference)})
-        update(step + 1, len(methods))
-    return rows, found
 
 
 def _cell(value: Any, digits: int) -> str:
@@ -59,14 +34,6 @@ def print_methods(rows: Sequence[dict[str, Any]]) -> None:
         numbers = [_cell(row[key], digits) for key, digits in zip(SHORT, (4, 3, 1), strict=True)]
         table.add_row(row["method"], f"{row['seconds']:.3f}", *numbers)
     Console(width=100).print(table)
-
-
-def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write whole or not at all."""
-    path = check_writable(path)
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
 
 
 def bench(
@@ -111,16 +78,6 @@ def evaluate(
     skills = [row["skill"] for row in rows if isinstance(row["skill"], float)]
     lines = [f"median skill {np.median(skills):.3f}, worst {min(skills):.3f}"] if skills else []
     _report(results, output, as_json, quiet, print_meshes, lines)
-
-
-def evaluate_mesh(model: Model, mesh: Mesh, reference: Reference) -> dict[str, Any]:
-    """Scores and times of a model on one mesh; visibility scores where the model predicts visibility."""
-    graph, graph_seconds = timed(lambda: model.graph(mesh))
-    _, network_seconds = timed(lambda: model(graph))
-    per_vertex = 1e6 / len(mesh.vertices)
-    times = {"graph_us": graph_seconds * per_vertex, "network_us": network_seconds * per_vertex}
-    seen = visibility_score(model, mesh) if model.config.name == "two-stage" else {}
-    return {**times, **score(model.predict(mesh).coefficients, mesh, reference), **seen}
 
 
 def print_meshes(rows: Sequence[dict[str, Any]]) -> None:

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import jax
 
-from gash_jax.apps.plots import plot_curves
+from gash_jax.apps.pictures.plots import plot_curves
 from gash_jax.apps.progress import progress_bar, say
-from gash_jax.geometry.mesh_io import read_mesh
-from gash_jax.geometry.npz_io import check_writable
-from gash_jax.graph.ambient import STRENGTH, ambient_refinement
-from gash_jax.learn.config import load_config
-from gash_jax.learn.metrics_log import read_lines
-from gash_jax.learn.model import load_model, save_model
-from gash_jax.learn.run import best_so_far, run_config
+from gash_jax.files.atomic import check_writable
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.models.ambient import STRENGTH, ambient_refinement
+from gash_jax.models.model import load_model, save_model
 from gash_jax.prt.transfer import save_transfer
+from gash_jax.train.config import load_config
+from gash_jax.train.logs import read_lines
+from gash_jax.train.run import best_so_far, run_config
 
 CURVES = "curves.png"
 

@@ -17,16 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from gash_jax.apps.plots import plot_pareto
+from gash_jax.apps.pictures.plots import plot_pareto
 from gash_jax.apps.progress import progress_bar, say
-from gash_jax.apps.provenance import provenance
-from gash_jax.geometry.npz_io import check_writable
-from gash_jax.learn.config import ConfigError
-from gash_jax.learn.model import load_model
-from gash_jax.learn.shapes import make_shape
-from gash_jax.learn.sweep import Run, load_sweep, train_run
-from gash_jax.learn.timing import timed
-from gash_jax.prt.bake import available_cores
+from gash_jax.files.atomic import check_writable, whole_file
+from gash_jax.files.cores import available_cores
+from gash_jax.files.strict import ConfigError
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.timing import timed
+from gash_jax.models.model import load_model
+from gash_jax.shapes.procedural import make_shape
+from gash_jax.train.sweep import Run, load_sweep, train_run
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
 TIMED_SHAPE = (7, 2)  # seed and index of the generated mesh that inference is timed on
@@ -162,9 +162,7 @@ def _summary(lines: Sequence[dict[str, Any]], axes: list[str], times: dict[str, 
 
 
 def _write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    temporary = path.with_name(f".{path.name}.tmp")
-    with open(temporary, "w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(temporary, path)

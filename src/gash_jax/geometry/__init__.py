@@ -1,1 +1,1 @@
-"""Triangle meshes on the host: reading, health, normals, orientation, procedural shapes."""
+"""Meshes as arrays: topology, orientation, normals, health."""

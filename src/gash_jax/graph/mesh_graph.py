@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Int
 
 from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced
-from gash_jax.graph.encoding import frame_motors, motor_nodes, relative_edges, relative_motors, vertex_frames
+from gash_jax.graph.encodings import frame_motors, motor_nodes, relative_edges, relative_motors, vertex_frames
 from gash_jax.graph.neighbours import RING_DRAWS, RING_SHARES, knn, mesh_edges, radius_edges, rings
 
 Graph = jraph.GraphsTuple

@@ -25,7 +25,7 @@ from jaxtyping import Float, Int
 from gash_jax.geometry.mesh import Mesh, center_and_scale, lengths, referenced, vector_areas
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.mesh_graph import surface_radius
-from gash_jax.graph.sight import BLOCK, sight_table, vertex_blocks
+from gash_jax.graph.surfel_selection import BLOCK, sight_table, vertex_blocks
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
 NEAR = 8

@@ -1,1 +1,1 @@
-"""Rays, transfer, light, shading: the physics. Knows no network."""
+"""Rays and transfer: the physics. Knows no network."""

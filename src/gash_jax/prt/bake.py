@@ -15,7 +15,6 @@ One rotation (R = 1) is the plain bake, mean of V Y without blending: the yardst
 """
 
 import itertools
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -27,6 +26,7 @@ from jaxtyping import Float
 
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.sh import band_index, validate_bands
+from gash_jax.files.cores import available_cores
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.rays import TraceGeometry, VisibilityFn, trace_geometry
 from gash_jax.prt.sampling import integrate_rays, sample_rays, to_world
@@ -37,11 +37,6 @@ RAYS_PER_CHUNK = 1 << 17
 MAX_RAYS = 1 << 20
 
 ProgressFn = Callable[[int, int], None]
-
-
-def available_cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def choose_replicates(rays: int, replicates: int | None) -> int:

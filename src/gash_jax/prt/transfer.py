@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.sh import clamped_cosine_coefficients, evaluate_sh, validate_bands
+from gash_jax.files.atomic import FileError
+from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.npz_io import FileError, read_npz, write_npz
 
 FORMAT, FORMAT_VERSION = "gash-transfer", 1
 CONVENTIONS = (

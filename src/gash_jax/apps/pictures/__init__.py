@@ -1,0 +1,1 @@
+"""Pictures: ray-cast views, figures, sheets of panels."""

@@ -1,0 +1,1 @@
+"""What touches the disk and the machine: whole files or none, npz archives, caches, cores."""

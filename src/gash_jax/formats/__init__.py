@@ -1,0 +1,1 @@
+"""Mesh and picture formats: bytes in, arrays out; `meshes` is the door through which every mesh comes in."""

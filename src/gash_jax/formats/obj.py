@@ -1,0 +1,103 @@
+"""Wavefront OBJ files: vertex i is the i-th `v` line, whatever the faces do with it.
+
+`vn` lines are read apart and brought to the vertices: the different normals that the corners at a vertex name are
+averaged, each counted once. Texture coordinates, groups and materials are ignored.
+"""
+
+import re
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from gash_jax.formats.raw_mesh import RawMesh, fan_triangulate, leading_columns, parse_rows
+from gash_jax.geometry.mesh import MeshError, normalized
+from gash_jax.geometry.topology import weld
+
+_SLASH, _BLANK, _NEWLINE = 47, 32, 10
+
+
+def read_obj(data: bytes) -> RawMesh:
+    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, negative numbers, polygons) and normals. Raises MeshError."""
+    characters, begins = _lines(data)
+    second = characters[np.minimum(begins + 1, len(characters) - 1)]
+    blank = second <= _BLANK
+    is_vertex = (characters[begins] == ord("v")) & blank
+    is_normal = (characters[begins] == ord("v")) & (second == ord("n"))
+    is_face = (characters[begins] == ord("f")) & blank
+    vertices = leading_columns(*parse_rows(_only(characters, begins, is_vertex, 1)), 3)
+    if len(vertices) != np.count_nonzero(is_vertex):
+        raise MeshError("a `v` line without numbers: the file is damaged")
+    position, normal, line = _corners(_only(characters, begins, is_face, 1))
+    face_lines = np.flatnonzero(is_face)[line]
+    corners = _resolve(position, np.searchsorted(np.flatnonzero(is_vertex), face_lines))
+    sizes = np.bincount(line, minlength=np.count_nonzero(is_face))
+    faces, notes = fan_triangulate(corners, sizes)
+    named = normal != 0
+    if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
+        return RawMesh(vertices, faces, None, notes)
+    normals = leading_columns(*parse_rows(_only(characters, begins, is_normal, 2)), 3)
+    which = _resolve(normal[named], np.searchsorted(np.flatnonzero(is_normal), face_lines[named]))
+    if np.any((which < 0) | (which >= len(normals))):
+        raise MeshError("a face names a `vn` line that does not exist: export the file again")
+    averaged, note = _at_vertices(corners[named], which, normals, len(vertices))
+    return RawMesh(vertices, faces, averaged, notes + note)
+
+
+def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:
+    """Characters of the text in plain form (no comments, continuations, indents), and where its lines begin."""
+    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b"\\" in text:
+        text = re.sub(rb"\\[ \t]*\n", b" ", text)
+    if b"#" in text:
+        text = re.sub(rb"#[^\n]*", b"", text)
+    if re.search(rb"^[ \t]", text, flags=re.MULTILINE):
+        text = re.sub(rb"^[ \t]+", b"", text, flags=re.MULTILINE)
+    characters = np.frombuffer(text + b"\n", dtype=np.uint8)
+    ends = np.flatnonzero(characters == _NEWLINE)
+    return characters, np.append(0, ends[:-1] + 1)
+
+
+def _only(characters: np.ndarray, begins: Int[np.ndarray, "l"], chosen: Bool[np.ndarray, "l"], keyword: int) -> bytes:
+    """The text of the chosen lines, their keyword of the given length blanked."""
+    keep = np.repeat(chosen, np.diff(np.append(begins, len(characters))))
+    blanked = characters.copy()
+    for place in range(keyword):
+        blanked[begins[chosen] + place] = _BLANK
+    return blanked[keep].tobytes()
+
+
+def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
+    """Of each corner in the text of all faces: number of its position, of its normal (0: none), and its line."""
+    characters = np.frombuffer(text.replace(b"//", b"/0/"), dtype=np.uint8)
+    solid = characters > _BLANK
+    first = solid.copy()
+    first[1:] &= ~solid[:-1]
+    line = np.cumsum(characters == _NEWLINE)[first]
+    slashes = np.bincount(np.cumsum(first)[characters == _SLASH] - 1, minlength=len(line))
+    numbers, _ = parse_rows(np.where(characters == _SLASH, _BLANK, characters).astype(np.uint8).tobytes())
+    if slashes.max(initial=0) > 2 or len(numbers) != len(line) + slashes.sum():
+        raise MeshError("a face corner is not of the form v, v/vt, v//vn or v/vt/vn: the file is damaged or cut off")
+    start = np.cumsum(slashes + 1) - (slashes + 1)
+    normal = np.zeros(len(line), dtype=np.int64)
+    normal[slashes == 2] = numbers[start[slashes == 2] + 2]
+    return numbers[start].astype(np.int64), normal, line
+
+
+def _resolve(numbers: Int[np.ndarray, "c"], before: Int[np.ndarray, "c"]) -> Int[np.ndarray, "c"]:
+    """Indices from 0 of OBJ numbers: from 1, or negative and counted back from the `before` lines so far."""
+    return np.where(numbers < 0, before + numbers, numbers - 1)
+
+
+def _at_vertices(
+    corners: Int[np.ndarray, "c"], which: Int[np.ndarray, "c"], normals: Float[np.ndarray, "n 3"], vertex_count: int
+) -> tuple[Float[np.ndarray, "v 3"], tuple[str, ...]]:
+    """Average of the different normals named at each vertex; 0 where none is."""
+    unit = normalized(np.where(np.isfinite(normals), normals, 0.0))
+    vertex, index = np.unique(np.stack([corners, weld(unit)[which]]), axis=1)
+    of_value = np.zeros(len(unit), dtype=np.int64)
+    of_value[weld(unit)] = np.arange(len(unit))
+    total = np.stack([np.bincount(vertex, n, vertex_count) for n in unit[of_value[index]].T], axis=1)
+    several = np.count_nonzero(np.bincount(vertex, minlength=vertex_count) > 1)
+    noun = "vertex has" if several == 1 else "vertices have"
+    note = f"{several} {noun} several normals in the file: averaged"
+    return normalized(np.where(np.abs(total) > 1e-6, total, 0.0)), (note,) if several else ()

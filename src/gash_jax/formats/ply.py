@@ -1,0 +1,213 @@
+"""PLY files: ASCII and binary of either byte order, any property types, polygons of any size, and writing.
+
+Reading walks the properties of all rows of an element at once with a cursor per row, in bytes (binary) or words
+(ASCII). Where a binary row starts depends on the lists of all rows before it; if these are not of one length, the
+chain of rows is followed by pointer doubling: from "the row after the one that would start at byte i", for all i.
+"""
+
+import os
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int
+
+from gash_jax.files.atomic import whole_file
+from gash_jax.formats.raw_mesh import RawMesh, fan_triangulate, parse_rows
+from gash_jax.geometry.mesh import Mesh, MeshError
+
+_TYPES = {
+    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2"},
+    **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
+    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
+}
+_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+_CUT_OFF = "the file ends before its data do: it is cut off, copy or export it again"
+_BLOCK = 1 << 18  # bytes over which the chain of rows is followed at once
+
+
+class _Property(NamedTuple):
+    name: str
+    type: np.dtype
+    count_type: np.dtype | None  # None: a scalar
+
+
+class _Element(NamedTuple):
+    name: str
+    rows: int
+    properties: list[_Property]
+
+
+class _Body(NamedTuple):
+    """Access to the data after the header, in units of bytes or words."""
+
+    take: Callable[[np.ndarray, np.dtype], np.ndarray]  # values at the given units
+    size: Callable[[np.dtype], int]  # units of one value
+    end: int
+
+
+def read_ply(data: bytes) -> RawMesh:
+    """Positions, `nx ny nz` if all there, and polygons of a PLY file. Raises MeshError."""
+    if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
+        raise MeshError("not a PLY file: it does not begin with 'ply'")
+    order, elements, offset = _header(data)
+    if order == "=":
+        numbers, lines = parse_rows(data[offset:])
+        body = _Body(lambda at, kind: numbers[at], lambda kind: 1, len(numbers))
+    else:
+        raw = np.frombuffer(data, dtype=np.uint8)
+        body = _Body(lambda at, kind: _unaligned(raw, kind)[at], lambda kind: kind.itemsize, len(data))
+        lines = np.zeros(0, dtype=np.int64)
+    columns: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+    row = 0
+    for element in elements:
+        if order == "=":
+            if row + element.rows >= len(lines):
+                raise MeshError(_CUT_OFF)
+            starts = lines[row : row + element.rows]
+            row += element.rows
+        else:
+            starts = _row_starts(element, offset, body)
+        columns[element.name], cursor = _walk(element, starts, body)
+        offset = int(cursor[-1]) if len(cursor) else offset
+    return _assemble(columns)
+
+
+def _header(data: bytes) -> tuple[str, list[_Element], int]:
+    """Byte order ("=" for ASCII), elements, and where the body starts."""
+    end = data.find(b"end_header")
+    start = data.find(b"\n", end) + 1
+    if end < 0 or start == 0:
+        raise MeshError("the PLY header has no end: the file is cut off or damaged")
+    order, elements = "", list[_Element]()
+    for line in data[:end].decode("ascii", errors="replace").splitlines()[1:]:
+        match line.split():
+            case ["format", name, *_] if name in _FORMATS:
+                order = _FORMATS[name]
+            case ["element", name, rows] if rows.isdigit():
+                elements.append(_Element(name, int(rows), []))
+            case ["property", "list", n, item, name] if elements and n in _TYPES and item in _TYPES:
+                kinds = np.dtype(order + _TYPES[item]), np.dtype(order + _TYPES[n])
+                elements[-1].properties.append(_Property(name, *kinds))
+            case ["property", kind, name] if elements and kind in _TYPES:
+                elements[-1].properties.append(_Property(name, np.dtype(order + _TYPES[kind]), None))
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise MeshError(f"cannot read the PLY header line {line[:60]!r}: the file is damaged")
+    if not order:
+        raise MeshError("the PLY header names no format: the file is damaged")
+    return order, elements, start
+
+
+def _unaligned(raw: np.ndarray, kind: np.dtype) -> np.ndarray:
+    """The value of type `kind` that starts at each byte."""
+    if len(raw) < kind.itemsize:
+        raise MeshError(_CUT_OFF)
+    return np.ndarray((len(raw) - kind.itemsize + 1,), kind, raw.data, strides=(1,))
+
+
+def _walk(
+    element: _Element, starts: Int[np.ndarray, "r"], body: _Body
+) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], Int[np.ndarray, "r"]]:
+    """For each property the values of all rows in order and how many each row has; and where the rows end."""
+    columns, cursor = {}, starts
+    for item in element.properties:
+        sizes = np.ones(len(starts), dtype=np.int64)
+        if item.count_type is not None:
+            _check_room(cursor + body.size(item.count_type), body)
+            sizes = body.take(cursor, item.count_type).astype(np.int64)
+            cursor = cursor + body.size(item.count_type)
+        width = body.size(item.type)
+        _check_room(cursor + sizes * width, body)
+        if np.any(sizes < 0):
+            raise MeshError("a PLY list has a negative length: the file is damaged")
+        at = np.repeat(cursor - (np.cumsum(sizes) - sizes) * width, sizes) + np.arange(sizes.sum()) * width
+        columns[item.name] = body.take(at, item.type), sizes
+        cursor = cursor + sizes * width
+    return columns, cursor
+
+
+def _check_room(ends: np.ndarray, body: _Body) -> None:
+    if len(ends) and ends.max() > body.end:
+        raise MeshError(_CUT_OFF)
+
+
+def _row_starts(element: _Element, offset: int, body: _Body) -> Int[np.ndarray, "r"]:
+    """First byte of each row of an element of a binary file."""
+    if element.rows == 0:
+        return np.zeros(0, dtype=np.int64)
+    shortest = sum(body.size(p.type if p.count_type is None else p.count_type) for p in element.properties)
+    if offset + element.rows * shortest > body.end:
+        raise MeshError(_CUT_OFF)
+    stride = int(_next_row(element, np.array([offset]), body)[0]) - offset
+    starts = offset + stride * np.arange(element.rows, dtype=np.int64)
+    if starts[-1] + stride <= body.end and np.all(_next_row(element, starts, body) == starts + stride):
+        return starts
+    return _follow_chain(element, offset, body)
+
+
+def _next_row(element: _Element, starts: np.ndarray, body: _Body) -> np.ndarray:
+    """Where the row after one that starts at `starts` would start, for any bytes; `body.end` + 1 if outside."""
+    cursor = starts
+    for item in element.properties:
+        sizes = 1
+        if item.count_type is not None:
+            inside = np.minimum(cursor, body.end - body.size(item.count_type))
+            sizes = np.maximum(body.take(inside, item.count_type).astype(np.int64), 0)
+            cursor = cursor + body.size(item.count_type)
+        cursor = np.minimum(cursor + sizes * body.size(item.type), body.end + 1)
+    return cursor
+
+
+def _follow_chain(element: _Element, offset: int, body: _Body) -> Int[np.ndarray, "r"]:
+    """Row starts by pointer doubling, block after block."""
+    parts, missing = [], element.rows
+    while missing > 0:
+        if offset >= body.end:
+            raise MeshError(_CUT_OFF)
+        window = np.arange(offset, min(offset + _BLOCK, body.end))
+        following = _next_row(element, window, body)
+        beyond = len(window)  # stands for every row that starts outside this block
+        jump = np.append(np.minimum(following - offset, beyond), beyond)
+        rows = np.zeros(1, dtype=np.int64)
+        while len(rows) < missing and rows[-1] < beyond:
+            rows = np.concatenate([rows, jump[rows]])
+            jump = jump[jump]
+        rows = rows[rows < beyond][:missing]
+        parts.append(rows + offset)
+        missing -= len(rows)
+        offset = int(following[rows[-1]])
+    return np.concatenate(parts)
+
+
+def _assemble(columns: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]) -> RawMesh:
+    vertex, face = columns.get("vertex", {}), columns.get("face", {})
+    if not {"x", "y", "z"} <= vertex.keys():
+        raise MeshError("the PLY file has no vertices with x, y and z")
+    lists = [face[name] for name in ("vertex_indices", "vertex_index") if name in face]
+    if not lists and "tristrips" in columns:
+        raise MeshError("the PLY file holds triangle strips: export it as triangles")
+    corners, sizes = lists[0] if lists else (np.zeros(0, dtype=np.int64),) * 2
+    faces, notes = fan_triangulate(corners.astype(np.int64), sizes)
+    normals = (
+        np.stack([vertex[n][0] for n in ("nx", "ny", "nz")], axis=1) if {"nx", "ny", "nz"} <= vertex.keys() else None
+    )
+    return RawMesh(np.stack([vertex[n][0] for n in "xyz"], axis=1), faces, normals, notes)
+
+
+def write_ply(path: str | os.PathLike[str], mesh: Mesh) -> None:
+    """Write `mesh` with its normals as a binary PLY file, apart and renamed: never half a file.
+
+    Raises FileError where the path cannot be written.
+    """
+    header = [
+        *("ply", "format binary_little_endian 1.0", f"element vertex {len(mesh.vertices)}"),
+        *(f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")),
+        *(f"element face {len(mesh.faces)}", "property list uchar int vertex_indices", "end_header", ""),
+    ]
+    rows = np.zeros(len(mesh.faces), dtype=[("size", "u1"), ("corners", "<i4", 3)])
+    rows["size"], rows["corners"] = 3, mesh.faces
+    vertices = np.concatenate([mesh.vertices, mesh.normals], axis=1).astype("<f4")
+    with whole_file(os.fspath(path)) as temporary:
+        temporary.write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())

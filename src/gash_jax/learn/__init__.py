@@ -1,1 +1,0 @@
-"""Data, models and objectives meet here: configs, corpus, losses, metrics, training."""

@@ -1,0 +1,1 @@
+"""Environment light and what a surface makes of it."""

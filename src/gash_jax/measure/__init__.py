@@ -1,0 +1,1 @@
+"""How good and how fast: measures, references, timing, where a result comes from."""

@@ -1,0 +1,70 @@
+"""Transfer of a mesh that deforms: positions in, coefficients out, one compiled call a frame.
+
+The faces stay, so the tree of surfels, the blocks and their tables are built once, from the pose of `mesh`; normals,
+moments and the network follow the positions. The unit of length is that of the first pose. A frame far from it looks at
+surfels that were chosen for another: build anew from a pose in between when it matters.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from gash_jax.algebra.numerics import safe_norm, safe_normalize
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.graph.surfel_graph import block_arrays, node_slots, normalised, plan_surfels
+from gash_jax.graph.surfels import surfel_records
+from gash_jax.models.blocks import GROUP, run_blocks
+from gash_jax.models.config import build_model
+from gash_jax.models.model import Model
+from gash_jax.nn.surfel_net import BLOCK, by_band
+
+# positions -> coefficients and predicted error, both "v k"
+DeformingFn = Callable[[Float[Array | np.ndarray, "v 3"]], tuple[Array, Array]]
+
+
+def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
+    """Angle-weighted normals as in `geometry.mesh.angle_weighted_normals`, differentiable; 0 without a face."""
+    corners = [positions[faces[:, i]] for i in range(3)]
+    cross = jnp.cross(corners[1] - corners[0], corners[2] - corners[0])
+    twice_area, unit = safe_norm(cross), safe_normalize(cross)
+    sums, flat = jnp.zeros_like(positions), twice_area == 0
+    for i in range(3):
+        along, back = (corners[(i + j) % 3] - corners[i] for j in (1, 2))
+        # a face without area has unit normal 0; its angle only must not be that of (0, 0), which has no gradient
+        angle = jnp.arctan2(twice_area, jnp.where(flat, 1.0, jnp.sum(along * back, axis=1)))
+        sums = sums.at[faces[:, i]].add(angle[:, None] * unit)
+    return safe_normalize(sums)
+
+
+def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
+    """A compiled function of the positions of all vertices, in the file's units.
+
+    Raises ValueError for a model other than `local`.
+    """
+    if model.config.graph != "surfels":
+        raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
+    positions, center, unit = normalised(mesh)
+    plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
+    blocks, bands, module = len(plan.blocks), model.config.bands, build_model(model.config)
+    missing = -blocks % GROUP
+    node_of = node_slots(plan.blocks, len(positions))
+    middle, loose = jnp.asarray(center, jnp.float32)[None], ~np.any(mesh.normals, axis=1)
+
+    @jax.jit
+    def frame(vertices: Array, params: Any) -> tuple[Array, Array]:
+        placed = (vertices - middle) / np.float32(unit)
+        normals = jnp.where(loose[:, None], 0.0, vertex_normals(placed, plan.faces))
+        records = surfel_records(plan.tree, placed, plan.faces, jnp)
+        nodes, edges = block_arrays(plan, records, placed, normals, jnp)
+        parts = {name: a.reshape(blocks, BLOCK, -1) for name, a in nodes.items()}
+        parts["surfel"] = edges["surfel"].reshape(blocks, model.config.neighbours, -1)
+        parts = {name: jnp.pad(a, ((0, missing), (0, 0), (0, 0))) for name, a in parts.items()}
+        output = run_blocks(module, params, parts, parts.pop("surfel"))
+        output = output.reshape(-1, output.shape[-1])[node_of]
+        return output[:, : bands**2], by_band(output[:, bands**2 :], bands)
+
+    return lambda vertices: frame(jnp.asarray(vertices, jnp.float32), model.params)

@@ -1,0 +1,114 @@
+"""A trained network as one value: config and weights in, graph of a mesh, coefficients out.
+
+Model files are npz: float32 arrays named by their path in the parameter tree ("coefficient/conv_0/source/kernel")
+plus JSON metadata with the full config, so that a runtime without JAX can rebuild the network.
+"""
+
+import time
+from functools import partial
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import jraph
+import numpy as np
+from flax.traverse_util import flatten_dict, unflatten_dict
+
+from gash_jax.files.atomic import FileError
+from gash_jax.files.cores import available_cores
+from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.strict import ConfigError, from_dict
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.models.blocks import predict_blocks
+from gash_jax.models.config import ModelConfig, build_model
+from gash_jax.models.model_graph import model_graph
+from gash_jax.prt.transfer import Transfer, make_metadata
+
+FORMAT, FORMAT_VERSION = "gash-model", 1
+
+
+class Model:
+    """`model(graph)` predicts (v, k) coefficients of a graph from `model.graph(mesh)`."""
+
+    def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
+        self.config, self.params, self.metadata = config, params, metadata or {}
+        self._module = build_model(config)
+        self._apply = jax.jit(self._module.apply)
+        self._logits = jax.jit(partial(self._module.apply, method="visibility_logits"))
+
+    def graph(self, mesh: Mesh, seed: int = 0) -> jraph.GraphsTuple:
+        """The graph this model wants; `seed` draws the neighbours of a `rings` graph."""
+        return model_graph(self.config, mesh, seed)
+
+    def __call__(self, graph: jraph.GraphsTuple) -> jax.Array:
+        """Coefficients of every vertex, "v k", in the order of the mesh."""
+        return self.with_error(graph)[0]
+
+    def with_error(self, graph: jraph.GraphsTuple) -> tuple[jax.Array, jax.Array | None]:
+        """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k"."""
+        if self.config.graph != "surfels":
+            return self._apply({"params": self.params}, graph), None
+        found = predict_blocks(self._module, self.params, graph, self.config.bands, available_cores())
+        return jnp.asarray(found[0]), jnp.asarray(found[1])
+
+    def visibility_logits(self, graph: jraph.GraphsTuple) -> jax.Array:
+        """What the first net of a two-stage network says of the hemisphere's directions, "v n".
+
+        Raises ValueError for a model without one.
+        """
+        if self.config.name != "two-stage":
+            raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
+        return self._logits({"params": self.params}, graph)
+
+    def predict(self, mesh: Mesh, seed: int = 0) -> Transfer:
+        """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
+        started = time.perf_counter()
+        graph = self.graph(mesh, seed)
+        built = time.perf_counter()
+        coefficients, error = jax.block_until_ready(self.with_error(graph))
+        finished = time.perf_counter()
+        usable = np.any(mesh.normals != 0, axis=1)[:, None]
+        seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
+        parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", ""), "seed": seed}
+        # the teacher is told the visibility: one ray a direction
+        rays = len(mesh.vertices) * self.config.visibility_directions if self.config.name == "teacher" else 0
+        metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
+        coefficients = np.where(usable, np.asarray(coefficients, np.float32), np.float32(0))
+        predicted = None if error is None else np.where(usable, np.asarray(error, np.float32), np.float32(0))
+        return Transfer(coefficients, None, *_mesh_arrays(mesh), metadata, predicted)
+
+
+def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return mesh.vertices, mesh.normals, mesh.faces
+
+
+def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:
+    """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config."""
+    arrays = {name: np.asarray(leaf, np.float32) for name, leaf in flatten_dict(params, sep="/").items()}
+    header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
+    write_npz(path, arrays, header)
+
+
+def shipped_models() -> dict[str, Path]:
+    """Names and files of the weights inside the package."""
+    folder = Path(str(resources.files("gash_jax"))) / "weights"
+    return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+
+
+def load_model(name: str | Path) -> Model:
+    """Load weights that ship with the package by name, or a model file by path. Raises FileError."""
+    shipped = shipped_models()
+    if str(name) not in shipped and not Path(name).exists():
+        known = ", ".join(shipped) or "none"
+        raise FileError(f"no model {str(name)!r}: give a weights file, or one of the shipped names ({known})")
+    path = shipped.get(str(name), Path(name))
+    arrays, metadata = read_npz(path, "model", ())
+    if metadata.get("format") != FORMAT:
+        raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")
+    try:
+        config = from_dict(ModelConfig, metadata["model"], "model.")
+    except ConfigError as error:
+        raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
+    return Model(config, unflatten_dict(arrays, sep="/"), metadata)

@@ -1,0 +1,1 @@
+"""Shapes made by the project: primitives with known answers, and the procedural corpus."""

@@ -1,0 +1,1 @@
+"""From a config to trained weights: corpus, objectives, the loop, checkpoints, sweeps."""

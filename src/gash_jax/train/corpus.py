@@ -1,0 +1,104 @@
+"""The procedural corpus: shapes from a seed, their baked labels, cached by content, split by shape.
+
+An item is one shape with its transfer and its hemisphere visibility. Its cache name is the hash of everything that
+determines it (generator parameters, ray count, bands, the source text of the rooms that made it), so a change of
+the generator or of the bake makes new labels, and a killed build continues where it stopped. Shapes are split by
+index, never by vertex.
+"""
+
+import hashlib
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from gash_jax.files.atomic import FileError
+from gash_jax.files.caches import cache_folder, source_hash
+from gash_jax.files.cores import available_cores
+from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.models.batches import Item
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.hemisphere import hemisphere_visibility
+from gash_jax.shapes.procedural import make_shape
+from gash_jax.train.config import DataConfig
+
+LABEL_ROOMS = ("algebra", "geometry", "shapes", "prt")
+
+
+def item_path(data: DataConfig, bands: int, index: int) -> Path:
+    """Where the item lives in the cache."""
+    parts = (data.seed, data.rays, data.min_vertices, data.max_vertices, bands, index, source_hash(LABEL_ROOMS))
+    name = hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
+    return cache_folder() / "corpus" / f"{name}.npz"
+
+
+def build_item(data: DataConfig, bands: int, index: int) -> Path:
+    """Make, bake and cache one item; returns its path at once if it is there already."""
+    path = item_path(data, bands, index)
+    if path.exists():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    kind, mesh = make_shape(data.seed, index, (data.min_vertices, data.max_vertices))
+    transfer = bake_transfer(mesh, bands, data.rays, replicates=1, seed=index)
+    arrays = {
+        **mesh._asdict(),
+        "coefficients": transfer.coefficients,
+        "visibility": hemisphere_visibility(mesh),
+    }
+    write_npz(path, arrays, {"kind": kind, "index": index, "seed": data.seed, "rays": data.rays})
+    return path
+
+
+def load_item(path: Path) -> Item:
+    """Read an item from the cache."""
+    arrays, metadata = read_npz(path, "corpus item", ("vertices", "normals", "faces", "coefficients", "visibility"))
+    mesh = Mesh(arrays["vertices"], arrays["normals"], arrays["faces"])
+    return Item(metadata["kind"], mesh, arrays["coefficients"], arrays["visibility"].astype(np.float32))
+
+
+def _load_or_rebuild(data: DataConfig, bands: int, index: int) -> Item:
+    path = build_item(data, bands, index)
+    try:
+        return load_item(path)
+    except FileError:  # a cache file damaged from outside is only a cache file
+        path.unlink()
+        return load_item(build_item(data, bands, index))
+
+
+def build_corpus(
+    data: DataConfig,
+    bands: int,
+    indices: Int[np.ndarray, "n"],
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Item]:
+    """Items in the order of `indices`; missing ones are made in parallel processes."""
+    missing = [int(i) for i in indices if not item_path(data, bands, int(i)).exists()]
+    done = len(indices) - len(missing)
+    if progress:
+        progress(done, len(indices))
+    workers = min(available_cores(), len(missing) // 8)  # a process costs about as much as eight shapes
+    if workers > 1:
+        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+            futures = [pool.submit(build_item, data, bands, index) for index in missing]
+            for future in as_completed(futures):
+                future.result()
+                done += 1
+                if progress:
+                    progress(done, len(indices))
+    else:
+        for index in missing:
+            build_item(data, bands, index)
+            done += 1
+            if progress:
+                progress(done, len(indices))
+    return [_load_or_rebuild(data, bands, int(index)) for index in indices]
+
+
+def split_indices(data: DataConfig) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]]:
+    """Shape indices for training and for validation; a smaller corpus validates on the same shapes as a larger one."""
+    validation = np.arange(data.validation_shapes)
+    return np.arange(data.shapes) + data.validation_shapes, validation

@@ -1,0 +1,121 @@
+"""Sweeps: one config, some keys of it varied, every combination trained with the same budget.
+
+    name = "latent-depth"
+    config = "two-stage"                       # a shipped config or a file
+    set = ["data.shapes=64", "train.seconds=300"]   # for every run
+    seeds = [0]
+    [axes.latent]                              # keys that change together
+    keys = ["model.channels", "model.visibility_channels"]
+    values = [8, 16, 32, 64]
+    [[repeats]]                                # further seeds for some points
+    seeds = [1, 2]
+    points = [{latent = 8, depth = 1}]
+
+A run is named by the hash of its resolved config, so that a changed sweep keeps what still belongs to it.
+"""
+
+import hashlib
+import json
+import tomllib
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from gash_jax.files.strict import ConfigError, from_dict
+from gash_jax.models.model import load_model
+from gash_jax.train.config import RunConfig, load_config, shipped_configs
+from gash_jax.train.logs import read_lines
+from gash_jax.train.loop import ReportFn
+from gash_jax.train.run import run_config
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Dotted config keys that take the same value, and the values."""
+
+    keys: list
+    values: list
+
+    def __post_init__(self) -> None:
+        if not self.keys or not self.values:
+            raise ValueError("an axis needs keys and values")
+
+
+@dataclass(frozen=True)
+class SweepConfig:
+    """A sweep file as it stands."""
+
+    name: str
+    config: str
+    axes: dict
+    set: list = field(default_factory=list)
+    seeds: list = field(default_factory=lambda: [0])
+    repeats: list = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training of a sweep: values by axis, seed, resolved config."""
+
+    point: dict[str, Any]
+    seed: int
+    config: RunConfig
+
+    @property
+    def id(self) -> str:
+        """Hash of the resolved config."""
+        return hashlib.sha256(json.dumps(self.config.to_dict(), sort_keys=True).encode()).hexdigest()[:12]
+
+
+def load_sweep(path: Path) -> tuple[str, list[Run]]:
+    """Name and runs of a sweep file, in order, repeats last. Raises ConfigError."""
+    if not path.is_file():
+        raise ConfigError(f"no such sweep file: {path}")
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not a TOML file: {' '.join(str(error).split())}") from None
+    missing = {"name", "config", "axes"} - set(values)
+    if missing:
+        raise ConfigError(f"{path} is not a sweep: it lacks {', '.join(sorted(missing))}")
+    sweep = from_dict(SweepConfig, values)
+    axes = {name: from_dict(Axis, axis, f"axes.{name}.") for name, axis in sweep.axes.items()}
+    base = sweep.config if sweep.config in shipped_configs() else path.parent / sweep.config
+
+    def run(point: dict[str, Any], seed: int) -> Run:
+        if set(point) != set(axes):
+            raise ConfigError(f"point {point} of the sweep must name every axis: {', '.join(axes)}")
+        changes = [f"{key}={json.dumps(point[name])}" for name, axis in axes.items() for key in axis.keys]
+        label = "-".join(f"{name}{value}" for name, value in point.items())
+        changes += [f"train.seed={seed}", f"name={json.dumps(f'{sweep.name}-{label}-seed{seed}')}"]
+        return Run(point, seed, load_config(base, [*sweep.set, *changes]))
+
+    combinations = product(*(axis.values for axis in axes.values()))
+    points = [dict(zip(axes, values, strict=True)) for values in combinations]
+    runs = [run(point, seed) for seed in sweep.seeds for point in points]
+    for repeat in sweep.repeats:
+        if set(repeat) != {"seeds", "points"}:
+            raise ConfigError(f"a [[repeats]] table of {path} needs seeds and points, and nothing else")
+        runs += [run(point, seed) for seed in repeat["seeds"] for point in repeat["points"]]
+    return sweep.name, runs
+
+
+def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[str, Any]:
+    """Train (or continue) one run; its line of results, measured on the validation shapes."""
+    path, _ = run_config(run.config, folder, report=report)
+    lines, model = read_lines(folder), load_model(path)
+    last = [line for line in lines if line["phase"] == lines[-1]["phase"]]
+    best = min((line for line in last if "validation" in line), key=lambda line: line["validation"])
+    return {
+        "id": run.id,
+        "name": run.config.name,
+        **run.point,
+        "seed": run.seed,
+        "steps": last[-1]["step"],
+        "best_step": best["step"],
+        "parameters": sum(leaf.size for leaf in jax.tree.leaves(model.params)),
+        **{name: best[name] for name in ("mse", "relrmse", "skill", "shadow_mse")},
+    }

@@ -1,0 +1,39 @@
+"""Ray-cast views: what is where, exposure, sRGB."""
+
+import numpy as np
+import pytest
+
+from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.shapes.primitives import box, icosphere
+
+
+def test_a_ball_fills_the_frame_as_a_disk() -> None:
+    image, coverage = shade_view(cast_view(icosphere(4), "front", 64), np.ones((2562, 3), np.float32))
+    assert coverage.mean() == pytest.approx(np.pi / 4 / 1.06**2, abs=0.02)
+    np.testing.assert_allclose(image[coverage == 1], 1.0, atol=1e-5)
+    assert not image[coverage == 0].any() and coverage[0, 0] == 0
+
+
+def test_values_are_interpolated_between_vertices() -> None:
+    """Painting each vertex with its own position shows, in every view, the position that the pixel sees."""
+    mesh = icosphere(3)
+    for view in VIEWS:
+        image, coverage = shade_view(cast_view(mesh, view, 32), mesh.vertices)
+        np.testing.assert_allclose(np.linalg.norm(image[coverage == 1], axis=-1), 1.0, atol=0.02)
+
+
+def test_up_is_up_and_front_is_towards_z() -> None:
+    image, coverage = shade_view(cast_view(box(), "front", 64), box().vertices)
+    seen = coverage == 1
+    rows = np.nonzero(seen)[0]
+    heights = image[seen][:, 1]
+    assert np.corrcoef(rows, heights)[0, 1] < -0.8
+    assert image[seen][:, 2].mean() > 0.2
+
+
+def test_exposure_and_srgb_by_hand() -> None:
+    image, coverage = np.full((4, 4, 3), 0.45), np.ones((4, 4))
+    assert exposure_for([(image, coverage)]) == pytest.approx(2.0)
+    assert to_srgb(image, coverage, 2.0)[0, 0, 0] == 243  # 0.9 linear is 0.9547 in sRGB
+    assert to_srgb(-image, coverage, 2.0).max() == 0 and to_srgb(9 * image, coverage, 2.0).min() == 255
+    assert to_srgb(0 * image, 0 * coverage, 5.0)[0, 0, 0] == 39  # the ground does not depend on the exposure

@@ -1,0 +1,121 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gash_jax.files.atomic import FileError
+from gash_jax.formats import ply as ply_io
+from gash_jax.formats.ply import read_ply, write_ply
+from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.shapes.primitives import bumpy_sphere
+from tests.geometry.mesh_files import exported, ply_ascii, ply_binary, tempting_mesh
+
+POLYGONS = [[0, 1, 2], [2, 1, 3, 4], [0, 1, 2, 3, 4], [4, 3, 2], [1, 0]]
+FANNED = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 3, 2]]
+POINTS = np.arange(15.0).reshape(5, 3) / 7
+WRITERS = {
+    "ascii": ply_ascii,
+    "little": lambda vertices, faces, normals=None: ply_binary(vertices, faces, "<", normals),
+    "big": lambda vertices, faces, normals=None: ply_binary(vertices, faces, ">", normals),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_polygons_normals_and_other_properties(kind: str) -> None:
+    normals = -POINTS.astype(np.float32)
+    raw = read_ply(WRITERS[kind](POINTS, POLYGONS, normals))
+    np.testing.assert_array_equal(raw.vertices, POINTS)
+    np.testing.assert_array_equal(raw.faces, FANNED)
+    assert raw.normals is not None and raw.notes == ("1 polygon of fewer than three corners: left out",)
+    np.testing.assert_array_equal(raw.normals, normals)
+    assert read_ply(WRITERS[kind](POINTS, POLYGONS)).normals is None
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_order_is_sacred(kind: str) -> None:
+    vertices, faces = tempting_mesh()
+    raw = read_ply(WRITERS[kind](vertices, faces))
+    np.testing.assert_array_equal(raw.vertices, vertices)
+    np.testing.assert_array_equal(raw.faces, faces)
+
+
+@pytest.mark.parametrize("block", [16, 100, 1 << 18])
+def test_mixed_polygons_of_any_number(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chain of rows, followed in blocks of any size."""
+    monkeypatch.setattr(ply_io, "_BLOCK", block)
+    rng = np.random.default_rng(block)
+    faces = [rng.integers(0, 5, size=size).tolist() for size in rng.integers(3, 7, size=300)]
+    expected = [[face[0], face[i], face[i + 1]] for face in faces for i in range(1, len(face) - 1)]
+    np.testing.assert_array_equal(read_ply(ply_binary(POINTS, faces)).faces, expected)
+
+
+def test_against_trimesh() -> None:
+    mesh = bumpy_sphere(4)
+    raw = read_ply(exported(mesh, "ply", vertex_normal=True))
+    assert raw.normals is not None
+    np.testing.assert_array_equal(raw.vertices, mesh.vertices)
+    np.testing.assert_array_equal(raw.faces, mesh.faces)
+    np.testing.assert_allclose(raw.normals, mesh.normals, atol=0.02)  # theirs are weighted otherwise
+
+
+def test_line_ends_of_windows() -> None:
+    text = ply_ascii(POINTS, POLYGONS).replace(b"\n", b"\r\n")
+    np.testing.assert_array_equal(read_ply(text).faces, FANNED)
+    head, body = ply_binary(POINTS, POLYGONS).split(b"end_header\n")
+    np.testing.assert_array_equal(read_ply(head.replace(b"\n", b"\r\n") + b"end_header\r\n" + body).faces, FANNED)
+
+
+def test_written_files_are_read_back_bit_by_bit(tmp_path: Path) -> None:
+    vertices, faces = tempting_mesh()
+    mesh = Mesh(vertices, np.roll(vertices, 1, axis=1), faces.astype(np.int32))
+    write_ply(tmp_path / "a.ply", mesh)
+    raw = read_ply((tmp_path / "a.ply").read_bytes())
+    for found, written in zip(raw[:3], (mesh.vertices, mesh.faces, mesh.normals), strict=True):
+        np.testing.assert_array_equal(found, written)
+    theirs = trimesh.load(tmp_path / "a.ply", process=False, maintain_order=True)
+    np.testing.assert_array_equal(theirs.vertices, vertices)  # type: ignore[attr-defined]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.ply"]
+    with pytest.raises(FileError, match="does not exist"):
+        write_ply(tmp_path / "none" / "a.ply", mesh)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_every_truncation_is_noticed(kind: str) -> None:
+    """Whatever byte the file ends at: only the last element, which is not needed, and line ends may go."""
+    data = WRITERS[kind](POINTS, POLYGONS)
+    spare = 1 if kind == "ascii" else 0
+    for length in range(len(data) - spare):
+        if kind == "ascii" and data[length : length + 1].isdigit() and data[length - 1 : length].isdigit():
+            continue  # a number cut in two is a number
+        with pytest.raises(MeshError):
+            read_ply(data[:length])
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"just some text\n", "does not begin with 'ply'"),
+        (b"plywood\n", "does not begin with 'ply'"),
+        (b"ply\nformat ascii 1.0\nelement vertex 3\n", "no end"),
+        (b"ply\nelement vertex 1\nend_header\n", "no format"),
+        (b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "'element vertex many'"),
+        (b"ply\nformat ascii 1.0\nproperty float x\nend_header\n", "'property float x'"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty number x\nend_header\n", "'property number x'"),
+        (
+            b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n",
+            "x, y",
+        ),
+        (ply_ascii(POINTS, [[0, 1]]).replace(b"\n2 0 1", b"\n-2 0 1"), "negative"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"3 0 one 2"), "'one' is not a number"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"9 0 1 2"), "cut off"),
+        (ply_binary(POINTS, [[0, 1, 2]]).replace(b"vertex 5", b"vertex 4000000000"), "cut off"),
+        (
+            ply_ascii(POINTS, [[0, 1, 2]]).replace(b"element face", b"element tristrips"),
+            "triangle strips",
+        ),
+    ],
+)
+def test_bad_files(data: bytes, message: str) -> None:
+    with pytest.raises(MeshError, match=message):
+        read_ply(data)

@@ -1,0 +1,65 @@
+"""The compiled path of a deforming mesh against the graph of the same pose, and its normals against the mesh's own."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gash_jax.geometry.mesh import angle_weighted_normals
+from gash_jax.models.config import ModelConfig, build_model
+from gash_jax.models.deforming import deforming_predictor, vertex_normals
+from gash_jax.models.model import Model
+from gash_jax.models.model_graph import model_graph
+from gash_jax.shapes.primitives import bumpy_sphere
+from tests.helpers.bumpy import random_variables
+
+MESH = bumpy_sphere(9)
+CONFIG = ModelConfig("local", channels=8, layers=1, neighbours=24)
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH), spread=0.1)
+    return Model(CONFIG, variables["params"])
+
+
+def test_normals_are_those_of_the_mesh_and_have_finite_gradients() -> None:
+    found = vertex_normals(jnp.asarray(MESH.vertices), MESH.faces)
+    np.testing.assert_allclose(found, angle_weighted_normals(MESH.vertices, MESH.faces), atol=2e-6)
+    flat = MESH.vertices.copy()
+    flat[MESH.faces[0, 1]] = flat[MESH.faces[0, 0]]
+    slope = jax.grad(lambda p: jnp.sum(jnp.sin(vertex_normals(p, MESH.faces))))(jnp.asarray(flat))
+    assert np.isfinite(slope).all()
+
+
+def test_the_pose_it_was_built_from_gets_what_its_graph_gets(model: Model) -> None:
+    coefficients, error = deforming_predictor(model, MESH)(MESH.vertices)
+    expected = model.with_error(model.graph(MESH))
+    np.testing.assert_allclose(coefficients, expected[0], atol=1e-4)
+    assert expected[1] is not None
+    np.testing.assert_allclose(error, expected[1], rtol=1e-3, atol=1e-5)
+
+
+def test_a_pose_that_is_moved_and_grown_gets_the_same(model: Model) -> None:
+    frame = deforming_predictor(model, MESH)
+    still = np.asarray(frame(MESH.vertices)[0])
+    np.testing.assert_allclose(frame(MESH.vertices + np.float32(0.5))[0], still, atol=1e-4)
+    bent = MESH.vertices * (1 + 0.3 * MESH.vertices[:, :1])
+    assert np.abs(np.asarray(frame(bent)[0]) - still).max() > 1e-2
+
+
+def test_it_compiles_once(model: Model, caplog: pytest.LogCaptureFixture) -> None:
+    frame = deforming_predictor(model, MESH)
+    compiled = []
+    for grown in (1.0, 1.1):
+        caplog.clear()
+        with jax.log_compiles():
+            jax.block_until_ready(frame(MESH.vertices * np.float32(grown)))
+        compiled.append(sum("Compiling" in record.getMessage() for record in caplog.records))
+    assert compiled[0] > 0 and compiled[1] == 0
+
+
+def test_only_surfels_has_such_a_path() -> None:
+    config = ModelConfig("mlp", channels=8, layers=1)
+    with pytest.raises(ValueError, match="use local"):
+        deforming_predictor(Model(config, {}), MESH)

@@ -1,0 +1,61 @@
+"""Configs: differences from a base, overrides, and errors that name the key."""
+
+from pathlib import Path
+
+import pytest
+
+from gash_jax.files.strict import ConfigError, from_dict
+from gash_jax.models.config import ModelConfig
+from gash_jax.train.config import RunConfig, load_config, shipped_configs
+
+
+def _write(folder: Path, name: str, text: str) -> Path:
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_a_config_is_a_difference_from_its_base(tmp_path: Path) -> None:
+    _write(tmp_path, "base.toml", 'name = "b"\n[data]\nshapes = 5\n[train]\nsteps = 7\n')
+    path = _write(tmp_path, "run.toml", 'base = "base.toml"\nname = "r"\n[data]\nseed = 3\n')
+    config = load_config(path, ["train.steps=9", "optim.learning_rate=1", "model.name=mlp"])
+    assert (config.name, config.data.shapes, config.data.seed) == ("r", 5, 3)
+    assert (config.train.steps, config.optim.learning_rate, config.model.name) == (9, 1.0, "mlp")
+
+
+def test_dictionary_round_trip() -> None:
+    config = RunConfig()
+    assert from_dict(RunConfig, config.to_dict()) == config
+    assert from_dict(ModelConfig, {"name": "two-stage", "dropout": 0}).dropout == 0.0
+
+
+@pytest.mark.parametrize("name", [n for n in shipped_configs() if n != "base"])
+def test_shipped_configs_load(name: str) -> None:
+    assert load_config(name).name == name
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nam = 'x'", "unknown key 'nam'"),
+        ("[train]\nstep = 1", "unknown key 'train.step'"),
+        ("[train]\nsteps = 'many'", "'train.steps' must be int"),
+        ("[train]\nsteps = true", "'train.steps' must be int"),
+        ("train = 3", "'train' must be a table"),
+        ("x = ", "not a TOML file"),
+        ("base = 'absent.toml'", "no such config file"),
+        ("base = 'run.toml'", "itself as base"),
+        ("[model]\nname = 'transformer-xl'", "transformer-xl"),
+        ("[model]\nchanels = 3", "unknown key 'model.chanels'"),
+        ("[model]\nbands = '3'", "'model.bands' must be int"),
+        ("[model]\nlayers = 1.5", "'model.layers' must be int"),
+        ("[model]\nblock = true", "'model.block' must be int"),
+    ],
+)
+def test_errors_name_the_key(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config(_write(tmp_path, "run.toml", text))
+
+
+def test_overrides_must_be_assignments(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="key=value"):
+        load_config(_write(tmp_path, "run.toml", ""), ["steps"])

@@ -1,0 +1,65 @@
+"""The corpus: cached by content, resumable, split by shape."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gash_jax.train.config import DataConfig
+from gash_jax.train.corpus import build_corpus, build_item, item_path, load_item, split_indices
+
+SMALL = DataConfig(shapes=2, validation_shapes=1, rays=16, min_vertices=200, max_vertices=400)
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GASH_CACHE", str(tmp_path))
+
+
+def test_items_are_made_once_and_read_back() -> None:
+    training, validation = split_indices(SMALL)
+    assert validation.tolist() == [0] and training.tolist() == [1, 2]
+    seen: list[tuple[int, int]] = []
+    indices = np.concatenate([training, validation])
+    items = build_corpus(SMALL, 3, indices, lambda done, total: seen.append((done, total)))
+    assert seen[0] == (0, 3) and seen[-1] == (3, 3)
+    stamps = [item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(3)]
+    again = build_corpus(SMALL, 3, indices)
+    assert stamps == [item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(3)]
+    for first, second in zip(items, again, strict=True):
+        np.testing.assert_array_equal(first.coefficients, second.coefficients)
+        assert first.visibility.shape == (len(first.mesh.vertices), 25)
+        assert np.isfinite(first.coefficients).all() and 0.0 < first.visibility.mean() <= 1.0
+
+
+def test_the_cache_name_depends_on_what_determines_the_labels() -> None:
+    names = {
+        item_path(SMALL, 3, 0),
+        item_path(SMALL, 3, 1),
+        item_path(SMALL, 4, 0),
+        item_path(DataConfig(**{**vars(SMALL), "rays": 32}), 3, 0),
+        item_path(DataConfig(**{**vars(SMALL), "seed": 1}), 3, 0),
+    }
+    assert len(names) == 5
+
+
+def test_a_damaged_cache_file_is_made_again() -> None:
+    path = build_item(SMALL, 3, 0)
+    truth = load_item(path).coefficients
+    path.write_bytes(path.read_bytes()[:100])
+    np.testing.assert_array_equal(build_corpus(SMALL, 3, np.array([0]))[0].coefficients, truth)
+
+
+def test_a_killed_build_goes_on_where_it_stopped() -> None:
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_corpus(SMALL, 3, np.arange(3), stop)
+    stamps = {i: item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(2)}
+    assert not item_path(SMALL, 3, 2).exists()
+    seen: list[tuple[int, int]] = []
+    assert len(build_corpus(SMALL, 3, np.arange(3), lambda done, total: seen.append((done, total)))) == 3
+    assert seen == [(2, 3), (3, 3)]
+    assert stamps == {i: item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(2)}

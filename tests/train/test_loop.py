@@ -1,0 +1,135 @@
+"""Training: it learns, it resumes bit for bit, it refuses another config, its files come back."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from gash_jax.files.atomic import FileError
+from gash_jax.files.strict import ConfigError
+from gash_jax.models.batches import Example, draw_batch, make_examples
+from gash_jax.models.config import ModelConfig
+from gash_jax.models.model import load_model
+from gash_jax.shapes.primitives import bumpy_sphere
+from gash_jax.train import loop as train
+from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig
+from gash_jax.train.corpus import build_corpus
+
+DATA = DataConfig(shapes=3, validation_shapes=1, rays=32, min_vertices=150, max_vertices=300)
+GNN: dict[str, Any] = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
+MODELS = {
+    "gnn": ModelConfig(name="gnn", **GNN),
+    "teacher": ModelConfig(name="teacher", **GNN),
+    "mlp": ModelConfig(name="mlp", channels=16, layers=2),
+    "two-stage": ModelConfig(
+        name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
+    ),
+    "rings": ModelConfig(name="rings", channels=8, layers=1, heads=2, neighbours=32),
+    "local": ModelConfig(name="local", channels=8, layers=1, neighbours=32),
+}
+
+
+def _config(name: str, steps: int) -> RunConfig:
+    budget = TrainConfig(steps=steps, batch_vertices=512, checkpoint_every=4)
+    return RunConfig(name=name, model=MODELS[name], data=DATA, optim=OptimConfig(learning_rate=3e-3), train=budget)
+
+
+@pytest.fixture(scope="module")
+def items():
+    return build_corpus(DATA, 3, np.arange(4))
+
+
+def _examples(items, name: str) -> tuple[list[Example], list[Example]]:
+    examples = make_examples(items, MODELS[name])
+    return examples[:3], examples[3:]
+
+
+def test_batches_are_a_function_of_seed_and_step(items) -> None:
+    training, _ = _examples(items, "mlp")
+    first, again, other = (draw_batch(training, 512, 0, step) for step in (5, 5, 6))
+    np.testing.assert_array_equal(first.coefficients, again.coefficients)
+    assert not np.array_equal(first.coefficients, other.coefficients)
+    assert first.mask.shape == (1, 512) and not first.coefficients[~first.mask].any()
+    with pytest.raises(ValueError, match="batch_vertices"):
+        draw_batch(training, 100, 0, 0)
+
+
+def test_learning_rate_warms_up_and_decays() -> None:
+    optim = OptimConfig(learning_rate=1.0, warmup=0.1)
+    rates = [train.learning_rate(optim, f) for f in (0.0, 0.05, 0.1, 0.55, 1.0)]
+    np.testing.assert_allclose(rates, [0.0, 0.5, 1.0, 0.5, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_learns_and_its_file_predicts(
+    items, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    training, validation = _examples(items, name)
+    monkeypatch.setattr(train, "LOG_EVERY", 1)
+    path = train.train_model(_config(name, 40), training[:1], validation, tmp_path)  # one shape: every batch is it
+    lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    losses = [line["loss"] for line in lines if line.get("phase") == "coefficients" and "loss" in line]
+    assert np.mean(losses[-3:]) < 0.9 * losses[0]
+    model = load_model(path)
+    assert model.metadata["run"]["train"]["steps"] == 40
+    predicted = model.predict(bumpy_sphere(8))
+    assert predicted.coefficients.shape[1] == 9 and np.isfinite(predicted.coefficients).all()
+
+
+@pytest.mark.parametrize("name", ["rings", "two-stage", "local"])
+def test_an_interrupted_run_ends_as_the_whole_one_bit_for_bit(
+    items, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    training, validation = _examples(items, name)
+    config = _config(name, 14)
+    whole = load_model(train.train_model(config, training, validation, tmp_path / "whole"))
+    saves, original = 0, train.save_checkpoint
+
+    def stop_at_third(folder: Path, state: object) -> None:
+        nonlocal saves
+        original(folder, state)
+        saves += 1
+        if saves == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(train, "save_checkpoint", stop_at_third)
+    with pytest.raises(KeyboardInterrupt):
+        train.train_model(config, training, validation, tmp_path / "cut")
+    monkeypatch.setattr(train, "save_checkpoint", original)
+    resumed = load_model(train.train_model(config, training, validation, tmp_path / "cut"))
+    for one, two in zip(jax.tree.leaves(whole.params), jax.tree.leaves(resumed.params), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_folder_of_another_config_is_refused(items, tmp_path: Path) -> None:
+    training, validation = _examples(items, "mlp")
+    config = _config("mlp", 4)
+    train.train_model(config, training, validation, tmp_path)
+    with pytest.raises(ConfigError, match="another config"):
+        train.train_model(replace(config, name="other"), training, validation, tmp_path)
+
+
+def test_the_first_phase_leaves_the_second_net_alone(items) -> None:
+    training, _ = _examples(items, "two-stage")
+    config = _config("two-stage", 4)
+    batch = draw_batch(training, 512, 0, 0)
+    state = train.initial_state(config, batch)
+    optimizer = train.make_optimizer(config.optim)
+    phase = train.phases(config.model)[0]
+    rate, key = np.float32(1e-2), jax.random.key(0)
+    params, *_ = train.train_step(
+        *(state.params, state.optimizer, state.scale, batch, rate, key), **{"phase": phase, "optimizer": optimizer}
+    )
+    same = jax.tree.map(np.array_equal, params["coefficient"], state.params["coefficient"])
+    assert all(jax.tree.leaves(same))
+    moved = jax.tree.map(np.array_equal, params["visibility"], state.params["visibility"])
+    assert not all(jax.tree.leaves(moved))
+
+
+def test_model_files_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no model"):
+        load_model(tmp_path / "absent.npz")
