@@ -10,8 +10,8 @@ import torch  # pyright: ignore[reportMissingImports]
 from torch import nn  # pyright: ignore[reportMissingImports]
 from torch_geometric.nn import GATv2Conv, TransformerConv  # pyright: ignore[reportMissingImports]
 
-from gash_jax.models.config import ModelConfig
 from gash_jax.models.model import load_model
+from gash_jax.nn.config import ModelConfig
 
 CONV = {
     "GATv2Conv": {"lin_l": "source", "lin_r": "target"},

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gash_jax.files.atomic import FileError
-    from gash_jax.files.strict import ConfigError
+    from gash_jax.files.settings import ConfigError
     from gash_jax.formats.meshes import load_mesh, read_mesh
     from gash_jax.geometry.health import HealthReport, MeshError
     from gash_jax.geometry.mesh import Mesh
@@ -31,7 +31,7 @@ _HOMES = {
     "geometry.mesh": ("Mesh",),
     "formats.meshes": ("load_mesh", "read_mesh"),
     "files.atomic": ("FileError",),
-    "files.strict": ("ConfigError",),
+    "files.settings": ("ConfigError",),
     "train.config": ("RunConfig", "load_config"),
     "models.deforming": ("deforming_predictor",),
     "models.model": ("Model", "load_model"),

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from gash_jax.apps import demo, evaluating
-from gash_jax.apps.pictures import corpus_sheet
 from gash_jax.apps.cli import gash
+from gash_jax.apps.pictures import corpus_sheet
 from gash_jax.formats.meshes import save_mesh
-from gash_jax.models.config import ModelConfig
+from gash_jax.models.families import model_config
 from gash_jax.models.model import load_model, shipped_models
 from gash_jax.prt.transfer import load_transfer
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -67,11 +67,11 @@ def _tiny_configs(seconds: float) -> dict:
     data = DataConfig(shapes=2, validation_shapes=1, rays=16, min_vertices=150, max_vertices=300)
     budget = TrainConfig(steps=4, batch_vertices=512)
     models = {
-        "mlp": ModelConfig(name="mlp", channels=8, layers=1),
-        "two-stage": ModelConfig(
+        "mlp": model_config(name="mlp", channels=8, layers=1),
+        "two-stage": model_config(
             name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
         ),
-        "local": ModelConfig(name="local", channels=8, layers=1),
+        "local": model_config(name="local", channels=8, layers=1),
     }
     return {n: replace(load_config(n), model=m, data=data, train=budget) for n, m in models.items()}
 

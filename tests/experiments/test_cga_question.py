@@ -14,9 +14,8 @@ sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/cga", "docs")]
 import cga_table  # noqa: E402  # pyright: ignore[reportMissingImports]
 import unseen  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
 from gash_jax.models.model import save_model  # noqa: E402
-from gash_jax.models.model_graph import model_graph  # noqa: E402
 from gash_jax.train.sweep import load_sweep  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
@@ -31,7 +30,7 @@ def test_the_sweep_gives_everyone_the_same_budget_and_shapes() -> None:
 
 
 def test_unseen_meshes_are_scored_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = ModelConfig("mlp", channels=4, layers=1, encoding="position-normal")
+    config = model_config("mlp", channels=4, layers=1, encoding="position-normal")
     weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)))["params"]
     line = {"form": "gnn", "encoding": "position-normal", "parameters": 9, "steps": 5, "skill": 0.1, "commit": "c"}
     for seed in (0, 1):

@@ -18,9 +18,8 @@ import speed  # noqa: E402  # pyright: ignore[reportMissingImports]
 import trust  # noqa: E402  # pyright: ignore[reportMissingImports]
 import variants  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
 from gash_jax.models.model import save_model  # noqa: E402
-from gash_jax.models.model_graph import model_graph  # noqa: E402
 from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
 SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
@@ -46,7 +45,7 @@ def test_every_variant_has_a_config_and_the_same_budget(tmp_path: Path) -> None:
 def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluate, "GENERATED", {"generated 1": (11, 4)})
     options = {"visibility_channels": 8, "visibility_layers": 1, **SMALL}
-    for config in (ModelConfig("mlp", channels=8, layers=1), ModelConfig("two-stage", **options)):  # type: ignore[arg-type]
+    for config in (model_config("mlp", channels=8, layers=1), model_config("two-stage", **options)):  # type: ignore[arg-type]
         weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)))["params"]
         (tmp_path / config.name).mkdir()
         save_model(tmp_path / config.name / "model.npz", config, weights, name=config.name)

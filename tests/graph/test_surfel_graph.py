@@ -1,7 +1,5 @@
 """The graph of blocks: shapes, slots, corners by hand, faces put in order, and meshes with hardly anything in them."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +9,7 @@ from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.graph.mesh_graph import surface_radius
 from gash_jax.graph.surfel_graph import (
     NEAR,
+    SurfelGraph,
     block_arrays,
     corner_table,
     normalised,
@@ -35,43 +34,43 @@ def _finite(graph: object) -> bool:
 
 
 def test_shapes_and_types(bumpy: Mesh) -> None:
-    graph: Any = surfel_graph(bumpy, 24)
+    graph = surfel_graph(bumpy, 24)
     blocks = -(-300 // BLOCK)
-    nodes = blocks * BLOCK
-    shapes = {key: leaf.shape for key, leaf in graph.nodes.items()}
-    assert shapes == {"position": (nodes, 3), "normal": (nodes, 3), "near": (nodes, NEAR * 6)}
-    assert graph.edges["surfel"].shape == (blocks * 24, 20)
-    assert graph.globals["slot"].shape == (1, 300)
-    assert (graph.n_node.tolist(), graph.n_edge.tolist()) == ([nodes], [blocks * 24])
-    np.testing.assert_array_equal(graph.receivers, np.repeat(np.arange(0, nodes, BLOCK), 24))
+    shapes = {name: leaf.shape for name, leaf in graph.blocks.items()}
+    expected = {"position": (blocks, BLOCK, 3), "normal": (blocks, BLOCK, 3), "near": (blocks, BLOCK, NEAR * 6)}
+    assert shapes == {**expected, "surfel": (blocks, 24, 20)}
+    assert (graph.slot.shape, graph.center.shape, graph.scale.shape) == ((300,), (3,), ())
     leaves = jax.tree.leaves(graph)
     assert all(isinstance(leaf, np.ndarray) and leaf.dtype in (np.float32, np.int32) for leaf in leaves)
     assert _finite(graph)
 
 
-def test_edges_carry_the_records_of_their_senders(bumpy: Mesh) -> None:
-    graph: Any = surfel_graph(bumpy, 24)
-    _, records = plan_surfels(bumpy, normalised(bumpy)[0], 24)
-    np.testing.assert_array_equal(graph.edges["surfel"], records[graph.senders])
+def test_blocks_carry_the_records_of_their_surfels(bumpy: Mesh) -> None:
+    plan, records = plan_surfels(bumpy, normalised(bumpy)[0], 24)
+    np.testing.assert_array_equal(surfel_graph(bumpy, 24).blocks["surfel"], records[plan.table])
+
+
+def _by_vertex(graph: SurfelGraph, name: str) -> np.ndarray:
+    return graph.blocks[name].reshape(-1, graph.blocks[name].shape[-1])[graph.slot]
 
 
 def test_slots_lead_from_vertices_to_their_nodes(bumpy: Mesh) -> None:
-    graph: Any = surfel_graph(bumpy, 8)
-    place, slot = graph.globals, graph.globals["slot"][0]
-    assert len(np.unique(slot)) == 300
-    back = graph.nodes["position"][slot] * place["scale"] + place["center"]
+    graph = surfel_graph(bumpy, 8)
+    assert len(np.unique(graph.slot)) == 300
+    back = _by_vertex(graph, "position") * graph.scale + graph.center
     np.testing.assert_allclose(back, bumpy.vertices, atol=1e-6)
-    np.testing.assert_array_equal(graph.nodes["normal"][slot], bumpy.normals)
-    np.testing.assert_allclose(place["scale"], surface_radius(bumpy), rtol=1e-6)
+    np.testing.assert_array_equal(_by_vertex(graph, "normal"), bumpy.normals)
+    np.testing.assert_allclose(graph.scale, surface_radius(bumpy), rtol=1e-6)
 
 
 def test_the_last_block_repeats_its_last_vertex() -> None:
-    graph: Any = surfel_graph(bumpy_mesh(BLOCK + 3), 8)
-    assert graph.nodes["position"].shape == (2 * BLOCK, 3)
-    for leaf in graph.nodes.values():
+    graph = surfel_graph(bumpy_mesh(BLOCK + 3), 8)
+    assert graph.blocks["position"].shape == (2, BLOCK, 3)
+    for name in ("position", "normal", "near"):
+        leaf = graph.blocks[name].reshape(2 * BLOCK, -1)
         np.testing.assert_array_equal(leaf[BLOCK + 3 :], np.tile(leaf[BLOCK + 2], (BLOCK - 3, 1)))
     # of the repeated vertex the first node counts
-    assert graph.globals["slot"].max() == BLOCK + 2
+    assert graph.slot.max() == BLOCK + 2
 
 
 def test_corners_of_a_tetrahedron_by_hand() -> None:
@@ -82,10 +81,10 @@ def test_corners_of_a_tetrahedron_by_hand() -> None:
 
 def test_near_are_offsets_and_normals_of_corners() -> None:
     mesh = _tetrahedron()
-    graph: Any = surfel_graph(mesh, 8)
+    graph = surfel_graph(mesh, 8)
     corners = corner_table(outward_faces(mesh)[0], 4)
-    near = graph.nodes["near"][graph.globals["slot"][0]].reshape(4, NEAR, 6)
-    unit = graph.globals["scale"][0]
+    near = _by_vertex(graph, "near").reshape(4, NEAR, 6)
+    unit = graph.scale
     np.testing.assert_allclose(near[..., :3] * unit, mesh.vertices[corners] - mesh.vertices[:, None], atol=1e-6)
     np.testing.assert_array_equal(near[..., 3:], mesh.normals[corners])
 
@@ -106,31 +105,31 @@ def test_loose_vertices_and_zero_normals() -> None:
     normals = np.concatenate([mesh.normals, np.zeros((1, 3))]).astype(np.float32)
     normals[1] = 0
     mesh = Mesh(vertices, normals, TETRAHEDRON)
-    graph: Any = surfel_graph(mesh, 16)
+    graph = surfel_graph(mesh, 16)
     assert _finite(graph)
-    positions = graph.nodes["position"][graph.globals["slot"][0]]
+    positions = _by_vertex(graph, "position")
     # within the box of the rest, and its own only corner
     np.testing.assert_allclose(np.abs(positions[:4]).max(), positions[4, 0], rtol=1e-6)
-    near = graph.nodes["near"][graph.globals["slot"][0]]
+    near = _by_vertex(graph, "near")
     np.testing.assert_array_equal(near[4], 0)
-    alone: Any = surfel_graph(_tetrahedron(), 16)
-    np.testing.assert_allclose(positions[:4], alone.nodes["position"][alone.globals["slot"][0]], atol=1e-6)
+    alone = surfel_graph(_tetrahedron(), 16)
+    np.testing.assert_allclose(positions[:4], _by_vertex(alone, "position"), atol=1e-6)
 
 
 @pytest.mark.parametrize("fold", [0.0, 1.0])
 def test_two_triangles_are_enough(fold: float) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, fold]], np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    graph: Any = surfel_graph(Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces), 8)
-    assert _finite(graph) and graph.nodes["position"].shape == (BLOCK, 3)
-    assert np.all(graph.edges["surfel"][:, 6] > 0)
+    graph = surfel_graph(Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces), 8)
+    assert _finite(graph) and graph.blocks["position"].shape == (1, BLOCK, 3)
+    assert np.all(graph.blocks["surfel"][..., 6] > 0)
 
 
 def test_a_mesh_without_area_has_a_graph() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
-    graph: Any = surfel_graph(Mesh(vertices, np.zeros_like(vertices), np.array([[0, 1, 2]], np.int32)), 4)
+    graph = surfel_graph(Mesh(vertices, np.zeros_like(vertices), np.array([[0, 1, 2]], np.int32)), 4)
     assert _finite(graph)
-    np.testing.assert_array_equal(graph.edges["surfel"], 0)
+    np.testing.assert_array_equal(graph.blocks["surfel"], 0)
 
 
 def test_a_plan_serves_moved_vertices_under_jit(bumpy: Mesh) -> None:
@@ -139,7 +138,7 @@ def test_a_plan_serves_moved_vertices_under_jit(bumpy: Mesh) -> None:
     plain = block_arrays(plan, records, positions, bumpy.normals)
 
     @jax.jit
-    def traced(p: jax.Array, n: jax.Array) -> tuple:
+    def traced(p: jax.Array, n: jax.Array) -> dict:
         return block_arrays(plan, surfel_records(plan.tree, p, plan.faces, jnp), p, n, jnp)
 
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), traced(positions, bumpy.normals), plain)

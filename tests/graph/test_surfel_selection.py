@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.graph import surfel_selection as sight
+from gash_jax.graph import surfel_selection
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfel_selection import (
     BLOCK,
@@ -16,11 +16,10 @@ from gash_jax.graph.surfel_selection import (
     NEGLIGIBLE_STEPS,
     SMALLEST,
     STEPS,
-    sight_table,
+    select_surfels,
     vertex_blocks,
 )
 from gash_jax.graph.surfels import FAN
-from gash_jax.nn import surfel_net
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
@@ -34,7 +33,7 @@ class _Case(NamedTuple):
     normals: np.ndarray
 
     def table(self, count: int = COUNT) -> np.ndarray:
-        return sight_table(self.plan.tree, self.records, self.positions, self.normals, count)
+        return select_surfels(self.plan.tree, self.records, self.positions, self.normals, count)
 
 
 def _case(mesh: Mesh, count: int = COUNT) -> _Case:
@@ -76,10 +75,6 @@ def _cut(case: _Case, block: int, step: float, negligible: float = float(NEGLIGI
     return kept
 
 
-def test_graph_and_network_mean_the_same_blocks() -> None:
-    assert BLOCK == surfel_net.BLOCK
-
-
 def test_blocks_hold_every_vertex_once(bumpy: Mesh) -> None:
     blocks = vertex_blocks(bumpy.vertices, bumpy.normals, np.eye(3))
     assert blocks.shape == (-(-300 // BLOCK), BLOCK) and blocks.dtype == np.int32
@@ -103,7 +98,7 @@ def test_steps_of_importance_are_eighths_of_octaves() -> None:
         ]
         + [np.random.default_rng(0).uniform(0, 1, 1000).astype(np.float32)]
     )
-    steps = sight._steps_below(importance)
+    steps = surfel_selection._steps_below(importance)
     np.testing.assert_array_equal(np.clip(steps, 0, STEPS), np.searchsorted(LADDER, importance))
     negligible = np.searchsorted(LADDER, importance / NEGLIGIBLE)
     np.testing.assert_array_equal(np.clip(steps + NEGLIGIBLE_STEPS, 0, STEPS), negligible)
@@ -187,7 +182,7 @@ def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
 
 def test_chunks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = _bumpy().table()
-    monkeypatch.setattr(sight, "CHUNK", 4)
+    monkeypatch.setattr(surfel_selection, "CHUNK", 4)
     np.testing.assert_array_equal(_bumpy().table(), whole)
 
 

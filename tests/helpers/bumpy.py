@@ -33,3 +33,8 @@ def random_rotation(seed: int) -> np.ndarray:
     """A proper rotation, float64."""
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return q * np.linalg.det(q)
+
+
+def network_inputs(graph: Any) -> Any:
+    """What a network is applied to, of what its family reads of a mesh: of the surfel network the blocks."""
+    return getattr(graph, "blocks", graph)

@@ -6,20 +6,19 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import angle_weighted_normals
-from gash_jax.models.config import ModelConfig, build_model
 from gash_jax.models.deforming import deforming_predictor, vertex_normals
+from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.model import Model
-from gash_jax.models.model_graph import model_graph
 from gash_jax.shapes.primitives import bumpy_sphere
 from tests.helpers.bumpy import random_variables
 
 MESH = bumpy_sphere(9)
-CONFIG = ModelConfig("local", channels=8, layers=1, neighbours=24)
+CONFIG = model_config("local", channels=8, layers=1, neighbours=24)
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH), spread=0.1)
+    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH).blocks, spread=0.1)
     return Model(CONFIG, variables["params"])
 
 
@@ -60,6 +59,6 @@ def test_it_compiles_once(model: Model, caplog: pytest.LogCaptureFixture) -> Non
 
 
 def test_only_surfels_has_such_a_path() -> None:
-    config = ModelConfig("mlp", channels=8, layers=1)
+    config = model_config("mlp", channels=8, layers=1)
     with pytest.raises(ValueError, match="use local"):
         deforming_predictor(Model(config, {}), MESH)

@@ -12,16 +12,16 @@ import pytest
 
 from gash_jax.graph.batching import batch_graphs, pad_graph
 from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
-from gash_jax.models.config import ModelConfig, build_model
+from gash_jax.models.families import build_model, model_config
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 NAMES = ("mlp", "two-stage", "rings")
 SMALL = {
-    "mlp": ModelConfig("mlp", channels=64, layers=2),
-    "two-stage": ModelConfig(
+    "mlp": model_config("mlp", channels=64, layers=2),
+    "two-stage": model_config(
         "two-stage", channels=16, layers=1, heads=2, neighbours=6, visibility_channels=16, visibility_layers=1
     ),
-    "rings": ModelConfig("rings", channels=16, layers=1, heads=2),
+    "rings": model_config("rings", channels=16, layers=1, heads=2),
 }
 
 

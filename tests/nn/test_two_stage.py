@@ -8,7 +8,7 @@ import numpy as np
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import knn_graph, mesh_edge_graph
-from gash_jax.models.config import ModelConfig, build_model
+from gash_jax.models.families import build_model, model_config
 from gash_jax.nn.two_stage import CoefficientNet, TwoStage, VisibilityNet
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
@@ -22,7 +22,7 @@ def _shapes(params: dict) -> dict[str, tuple[int, ...]]:
 
 
 def test_widths_are_those_of_the_paper() -> None:
-    module = build_model(ModelConfig("two-stage"))
+    module = build_model(model_config("two-stage"))
     shapes = _shapes(jax.eval_shape(module.init, jax.random.key(0), knn_graph(MESH))["params"])
     assert shapes["visibility/embed/kernel"] == (32, 64)
     assert shapes["visibility/conv_2/query/kernel"] == (64, 64)

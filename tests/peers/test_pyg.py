@@ -20,9 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import pyg_two_stage  # noqa: E402  # pyright: ignore[reportMissingImports]
 from torch_geometric import nn as pyg  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from gash_jax.models.config import ModelConfig, build_model  # noqa: E402
+from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
 from gash_jax.models.model import load_model, save_model  # noqa: E402
-from gash_jax.models.model_graph import model_graph  # noqa: E402
 from gash_jax.nn.attention import GATv2Conv, TransformerConv  # noqa: E402
 from gash_jax.nn.inputs import node_arrays  # noqa: E402
 from gash_jax.shapes.procedural import make_shape  # noqa: E402
@@ -117,7 +116,7 @@ def test_the_comparison_sees_a_wrong_layer() -> None:
 
 
 def test_the_two_stage_network(tmp_path: Path) -> None:
-    config = ModelConfig("two-stage", channels=24, layers=2, visibility_channels=16, visibility_layers=2, neighbours=7)
+    config = model_config("two-stage", channels=24, layers=2, visibility_channels=16, visibility_layers=2, neighbours=7)
     mesh = make_shape(3, 1, (300, 400))[1]
     path = tmp_path / "model.npz"
     weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)), spread=0.2)["params"]

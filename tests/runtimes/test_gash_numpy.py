@@ -12,9 +12,9 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
-from gash_jax.models.config import DEFAULTS, ModelConfig, build_model
+from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph
 from gash_jax.models.model import Model, load_model, save_model, shipped_models
-from gash_jax.models.model_graph import model_graph
+from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.shapes.procedural import make_shape
 from tests.helpers.bumpy import bumpy_mesh, random_variables
@@ -27,17 +27,17 @@ import gash_numpy  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 SMALL: dict[str, Any] = {"channels": 8, "layers": 2, "heads": 2}
 NETS = {
-    "mlp": ModelConfig("mlp", channels=16, layers=2),
-    "gnn": ModelConfig("gnn", neighbours=5, **SMALL),
-    "teacher": ModelConfig("teacher", neighbours=5, **SMALL),
-    "two-stage": ModelConfig("two-stage", neighbours=5, visibility_channels=8, visibility_layers=2, **SMALL),
-    "two-stage rings, 4 bands": ModelConfig(
+    "mlp": model_config("mlp", channels=16, layers=2),
+    "gnn": model_config("gnn", neighbours=5, **SMALL),
+    "teacher": model_config("teacher", neighbours=5, **SMALL),
+    "two-stage": model_config("two-stage", neighbours=5, visibility_channels=8, visibility_layers=2, **SMALL),
+    "two-stage rings, 4 bands": model_config(
         "two-stage", 4, neighbours=16, graph="rings", visibility_channels=8, visibility_layers=1, **SMALL
     ),
-    "rings": ModelConfig("rings", neighbours=16, **SMALL),
-    "rings, 5 bands": ModelConfig("rings", 5, neighbours=32, **SMALL),
-    "local": ModelConfig("local", channels=8, layers=1, neighbours=16),
-    "local, 5 bands": ModelConfig("local", 5, channels=8, neighbours=24),
+    "rings": model_config("rings", neighbours=16, **SMALL),
+    "rings, 5 bands": model_config("rings", 5, neighbours=32, **SMALL),
+    "local": model_config("local", channels=8, layers=1, neighbours=16),
+    "local, 5 bands": model_config("local", 5, channels=8, neighbours=24),
 }
 
 SURFEL_NETS = [name for name, config in NETS.items() if config.name == "local"]
@@ -117,7 +117,7 @@ def test_surfels_are_those_of_the_package(mesh: Mesh, count: int) -> None:
     order = gash_numpy.curve_order(positions, mesh.normals, axes, gash_numpy.VERTEX_BITS)
     np.testing.assert_array_equal(order, blocks.reshape(-1)[: len(positions)])
     np.testing.assert_array_equal(gash_numpy.corner_table(faces, len(positions)), plan.corners)
-    table = gash_numpy.sight_table(tree, records, positions[blocks], mesh.normals[blocks], count)
+    table = gash_numpy.select_surfels(tree, records, positions[blocks], mesh.normals[blocks], count)
     np.testing.assert_array_equal(table, plan.table)
 
 
@@ -202,14 +202,14 @@ def _documented() -> dict[str, dict[str, str]]:
         if line.startswith("### "):
             model = line.removeprefix("### ").strip("` ")
         cells = [cell.strip().strip("`") for cell in line.strip("|").split("|")]
-        if model in DEFAULTS and line.startswith("| `"):
+        if model in FAMILIES and line.startswith("| `"):
             tables.setdefault(model, {})[cells[0]] = cells[1]
     return tables
 
 
-@pytest.mark.parametrize("name", DEFAULTS)
+@pytest.mark.parametrize("name", FAMILIES)
 def test_the_document_names_every_array_and_its_shape(name: str) -> None:
-    config = ModelConfig(name)
+    config = model_config(name)
     graph = model_graph(config, bumpy_mesh(30))
     shapes = jax.eval_shape(build_model(config).init, jax.random.key(0), graph)["params"]
     values = {"B": config.bands, "C": config.channels, "H": config.heads, "U": config.visibility_channels}

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gash_jax.files.strict import ConfigError, from_dict
-from gash_jax.models.config import ModelConfig
+from gash_jax.files.settings import ConfigError, from_dict
+from gash_jax.nn.config import ModelConfig
 from gash_jax.train.config import RunConfig, load_config, shipped_configs
 
 

@@ -9,11 +9,10 @@ import jax
 import numpy as np
 import pytest
 
-from gash_jax.models.batches import Example, draw_batch
-from gash_jax.models.config import ModelConfig, build_model
-from gash_jax.models.model_graph import model_graph
+from gash_jax.models.examples import Example, WholeShapes
+from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.shapes.primitives import bumpy_sphere
-from gash_jax.train.objectives import flat, phases
+from gash_jax.train.objectives import flat
 from tests.helpers.bumpy import random_variables
 
 SCRIPT = """
@@ -21,14 +20,10 @@ import json, sys
 import jax, numpy as np
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
-from gash_jax.models.batches import Example
 from gash_jax.train.config import RunConfig, TrainConfig
-from gash_jax.models.model_graph import model_graph
-from gash_jax.train.sampling import make_sampler
-from gash_jax.models.config import ModelConfig
 
 train.LOG_EVERY, SIZE = 1, 600
-config = ModelConfig(**json.loads(sys.argv[1]))
+config = model_config(**json.loads(sys.argv[1]))
 rng, examples = np.random.default_rng(0), []
 for size in (2, 3, 4, 3, 2, 4, 3):
     mesh = bumpy_sphere(size)
@@ -76,7 +71,7 @@ def test_four_devices_give_the_loss_of_one(net: str, tmp_path) -> None:
 
 
 def _examples() -> list[Example]:
-    config, rng, found = ModelConfig(**NETS["mlp"]), np.random.default_rng(1), []
+    config, rng, found = model_config(**NETS["mlp"]), np.random.default_rng(1), []
     for size in (4, 9, 5, 6):
         mesh = bumpy_sphere(size)
         labels = rng.normal(size, 0.2, (len(mesh.vertices), 9)).astype(np.float32)
@@ -87,10 +82,10 @@ def _examples() -> list[Example]:
 def test_shards_hold_the_same_shapes_and_weigh_vertices_not_shards() -> None:
     examples = _examples()
     total = sum(len(example.coefficients) for example in examples) + 1
-    module, phase = build_model(ModelConfig(**NETS["mlp"])), phases(ModelConfig(**NETS["mlp"]))[0]
+    module, phase = build_model(model_config(**NETS["mlp"])), objectives(model_config(**NETS["mlp"]))[0]
     params = random_variables(module, examples[0].graph)["params"]
-    batches = {shards: draw_batch(examples, total, 0, 0, shards) for shards in (1, 2, 4)}
-    losses = {shards: float(phase.objective(params, batch, None)) for shards, batch in batches.items()}
+    batches = {shards: WholeShapes(examples).draw(total, 0, 0, shards) for shards in (1, 2, 4)}
+    losses = {shards: float(phase.loss(params, batch, None)) for shards, batch in batches.items()}
     labels = {
         s: np.sort(np.asarray(flat(b.coefficients))[np.asarray(flat(b.mask))], axis=0) for s, b in batches.items()
     }
@@ -99,7 +94,7 @@ def test_shards_hold_the_same_shapes_and_weigh_vertices_not_shards() -> None:
         assert losses[shards] == pytest.approx(losses[1], rel=1e-5)
     # a mean of the shards' means would be another number here: the shards have different sizes and labels
     four = batches[4]
-    alone = [phase.objective(params, jax.tree.map(lambda a, i=i: a[i : i + 1], four), None) for i in range(4)]
+    alone = [phase.loss(params, jax.tree.map(lambda a, i=i: a[i : i + 1], four), None) for i in range(4)]
     assert abs(float(np.mean(alone)) - losses[1]) > 1e-2 * losses[1]
 
 

@@ -5,19 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gash_jax.models.batches import make_examples
-from gash_jax.models.config import ModelConfig
+from gash_jax.models.families import make_examples, model_config
 from gash_jax.models.model import load_model
 from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig
 from gash_jax.train.corpus import build_corpus
-from gash_jax.train.distillation import taught
+from gash_jax.train.distillation import distilled
 from gash_jax.train.run import run_config
 
 DATA = DataConfig(shapes=2, validation_shapes=1, rays=32, min_vertices=150, max_vertices=300)
 BUDGET = TrainConfig(steps=10, batch_vertices=512)
-TEACHER = ModelConfig("teacher", channels=8, layers=1, heads=2, neighbours=6)
-STUDENT = ModelConfig("mlp", channels=8, layers=1)
+TEACHER = model_config("teacher", channels=8, layers=1, heads=2, neighbours=6)
+STUDENT = model_config("mlp", channels=8, layers=1)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,7 @@ def teacher(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_labels_are_the_teachers_predictions(teacher: Path) -> None:
     items, model = build_corpus(DATA, 3, np.arange(2)), load_model(teacher)
     examples = make_examples(items, STUDENT)
-    lessons = taught(examples, items, model)
+    lessons = distilled(examples, items, model)
     for lesson, example, item in zip(lessons, examples, items, strict=True):
         np.testing.assert_allclose(lesson.coefficients, model.predict(item.mesh).coefficients, atol=1e-6)
         assert lesson.graph is example.graph

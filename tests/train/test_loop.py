@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from gash_jax.files.atomic import FileError
-from gash_jax.files.strict import ConfigError
-from gash_jax.models.batches import Example, draw_batch, make_examples
-from gash_jax.models.config import ModelConfig
+from gash_jax.files.settings import ConfigError
+from gash_jax.models.examples import Example, WholeShapes
+from gash_jax.models.families import make_examples, model_config
 from gash_jax.models.model import load_model
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
@@ -22,14 +22,14 @@ from gash_jax.train.corpus import build_corpus
 DATA = DataConfig(shapes=3, validation_shapes=1, rays=32, min_vertices=150, max_vertices=300)
 GNN: dict[str, Any] = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
 MODELS = {
-    "gnn": ModelConfig(name="gnn", **GNN),
-    "teacher": ModelConfig(name="teacher", **GNN),
-    "mlp": ModelConfig(name="mlp", channels=16, layers=2),
-    "two-stage": ModelConfig(
+    "gnn": model_config(name="gnn", **GNN),
+    "teacher": model_config(name="teacher", **GNN),
+    "mlp": model_config(name="mlp", channels=16, layers=2),
+    "two-stage": model_config(
         name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
     ),
-    "rings": ModelConfig(name="rings", channels=8, layers=1, heads=2, neighbours=32),
-    "local": ModelConfig(name="local", channels=8, layers=1, neighbours=32),
+    "rings": model_config(name="rings", channels=8, layers=1, heads=2, neighbours=32),
+    "local": model_config(name="local", channels=8, layers=1, neighbours=32),
 }
 
 
@@ -50,12 +50,12 @@ def _examples(items, name: str) -> tuple[list[Example], list[Example]]:
 
 def test_batches_are_a_function_of_seed_and_step(items) -> None:
     training, _ = _examples(items, "mlp")
-    first, again, other = (draw_batch(training, 512, 0, step) for step in (5, 5, 6))
+    first, again, other = (WholeShapes(training).draw(512, 0, step) for step in (5, 5, 6))
     np.testing.assert_array_equal(first.coefficients, again.coefficients)
     assert not np.array_equal(first.coefficients, other.coefficients)
     assert first.mask.shape == (1, 512) and not first.coefficients[~first.mask].any()
     with pytest.raises(ValueError, match="batch_vertices"):
-        draw_batch(training, 100, 0, 0)
+        WholeShapes(training).draw(100, 0, 0)
 
 
 def test_learning_rate_warms_up_and_decays() -> None:
@@ -116,13 +116,13 @@ def test_a_folder_of_another_config_is_refused(items, tmp_path: Path) -> None:
 def test_the_first_phase_leaves_the_second_net_alone(items) -> None:
     training, _ = _examples(items, "two-stage")
     config = _config("two-stage", 4)
-    batch = draw_batch(training, 512, 0, 0)
+    batch = WholeShapes(training).draw(512, 0, 0)
     state = train.initial_state(config, batch)
     optimizer = train.make_optimizer(config.optim)
-    phase = train.phases(config.model)[0]
+    phase = train.objectives(config.model)[0]
     rate, key = np.float32(1e-2), jax.random.key(0)
     params, *_ = train.train_step(
-        *(state.params, state.optimizer, state.scale, batch, rate, key), **{"phase": phase, "optimizer": optimizer}
+        *(state.params, state.optimizer, state.scale, batch, rate, key), **{"objective": phase, "optimizer": optimizer}
     )
     same = jax.tree.map(np.array_equal, params["coefficient"], state.params["coefficient"])
     assert all(jax.tree.leaves(same))

@@ -10,18 +10,18 @@ import pytest
 
 from gash_jax.algebra.motors import motor
 from gash_jax.graph.encodings import edge_features
-from gash_jax.models.batches import Batch, Example, collate
-from gash_jax.models.config import ModelConfig, build_model
+from gash_jax.models.examples import Batch, Example, collate
+from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.losses import balanced_bce
-from gash_jax.models.model_graph import model_graph
 from gash_jax.nn.attention import GATv2Conv, TransformerConv
+from gash_jax.nn.config import ModelConfig
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
 from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig
-from gash_jax.train.objectives import phases
+from gash_jax.train.objectives import objectives
 from tests.helpers.bumpy import random_variables
 
-TWO_STAGE = ModelConfig(
+TWO_STAGE = model_config(
     name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
 )
 MESH = bumpy_sphere(6)
@@ -47,20 +47,20 @@ def _step(config: RunConfig, batch: Batch, half: bool = False, params: Any = Non
     """State before, and what one step at rate 0.01 makes of it in the last phase."""
     state = train.initial_state(config, batch)
     state = state._replace(params=params or state.params, scale=scale or state.scale)
-    phase, optimizer = phases(config.model, half)[-1], train.make_optimizer(config.optim)
+    phase, optimizer = objectives(config.model, half)[-1], train.make_optimizer(config.optim)
     rate, key = jnp.float32(1e-2), jax.random.key(0)
     out = train.train_step(
         *(state.params, state.optimizer, state.scale, batch, rate, key),
-        **{"phase": phase, "optimizer": optimizer, "half": half},
+        **{"objective": phase, "optimizer": optimizer, "half": half},
     )
     return state, out
 
 
 @pytest.mark.parametrize("visibility", [0.0, 1.0])
 def test_one_class_counts_alone(visibility: float) -> None:
-    batch, phase = _batch(visibility=visibility), phases(TWO_STAGE)[0]
+    batch, phase = _batch(visibility=visibility), objectives(TWO_STAGE)[0]
     params = random_variables(build_model(TWO_STAGE), model_graph(TWO_STAGE, MESH))["params"]
-    loss, gradients = jax.value_and_grad(phase.objective)(params, batch, jax.random.key(0))
+    loss, gradients = jax.value_and_grad(phase.loss)(params, batch, jax.random.key(0))
     logits = np.asarray(phase.output(params, batch, None))[np.asarray(batch.mask[0])]
     expected = np.mean(np.logaddexp(0, -logits if visibility else logits))
     assert float(loss) == pytest.approx(expected, rel=1e-5) and _finite(gradients)
@@ -70,8 +70,8 @@ def test_an_empty_mask_gives_zero_loss_and_gradients() -> None:
     batch = _batch()
     batch = batch._replace(mask=np.zeros_like(batch.mask), weight=np.zeros_like(batch.weight))
     params = random_variables(build_model(TWO_STAGE), model_graph(TWO_STAGE, MESH))["params"]
-    for phase in phases(TWO_STAGE):
-        loss, gradients = jax.value_and_grad(phase.objective)(params, batch, jax.random.key(0))
+    for phase in objectives(TWO_STAGE):
+        loss, gradients = jax.value_and_grad(phase.loss)(params, batch, jax.random.key(0))
         assert float(loss) == 0 and not any(np.any(leaf) for leaf in jax.tree.leaves(gradients))
 
 
@@ -87,10 +87,10 @@ def test_huge_logits_through_the_whole_network() -> None:
     batch = _batch()
     params = random_variables(build_model(TWO_STAGE), model_graph(TWO_STAGE, MESH))["params"]
     params["visibility"]["head"] = jax.tree.map(lambda leaf: 1e5 * leaf, params["visibility"]["head"])
-    for phase in phases(TWO_STAGE):
-        loss, gradients = jax.value_and_grad(phase.objective)(params, batch, jax.random.key(0))
+    for phase in objectives(TWO_STAGE):
+        loss, gradients = jax.value_and_grad(phase.loss)(params, batch, jax.random.key(0))
         assert np.isfinite(loss) and _finite(gradients)
-    assert np.abs(phases(TWO_STAGE)[0].output(params, batch, None)).max() > 1e4
+    assert np.abs(objectives(TWO_STAGE)[0].output(params, batch, None)).max() > 1e4
 
 
 @pytest.mark.parametrize("layer", [TransformerConv, GATv2Conv])
@@ -118,11 +118,11 @@ def test_fully_masked_neighbours(layer: Any, path: str) -> None:
 @pytest.mark.parametrize("name", ["two-stage", "rings"])
 def test_constant_features_in_layer_norm(name: str) -> None:
     """All vertices and all channels the same: the variance is 0."""
-    config = TWO_STAGE if name == "two-stage" else ModelConfig("rings", channels=8, layers=1, heads=2)
-    batch, phase = _batch(config=config), phases(config)[0]
+    config = TWO_STAGE if name == "two-stage" else model_config("rings", channels=8, layers=1, heads=2)
+    batch, phase = _batch(config=config), objectives(config)[0]
     params = random_variables(build_model(config), model_graph(config, MESH))["params"]
     params = jax.tree.map(jnp.zeros_like, params)
-    loss, gradients = jax.value_and_grad(phase.objective)(params, batch, jax.random.key(0))
+    loss, gradients = jax.value_and_grad(phase.loss)(params, batch, jax.random.key(0))
     assert np.isfinite(loss) and _finite(gradients)
 
 
@@ -144,7 +144,9 @@ def test_gradients_of_zero_length_edges() -> None:
     assert _finite(jax.grad(value, argnums=(0, 1, 2))(offsets, normals, frames))
 
 
-@pytest.mark.parametrize("config", [TWO_STAGE, ModelConfig("rings", channels=8, layers=1, heads=2)], ids=["2", "rings"])
+@pytest.mark.parametrize(
+    "config", [TWO_STAGE, model_config("rings", channels=8, layers=1, heads=2)], ids=["2", "rings"]
+)
 def test_training_on_the_pole_and_on_coincident_vertices(config: ModelConfig) -> None:
     vertices, normals = MESH.vertices.copy(), MESH.normals.copy()
     vertices[1], normals[:2] = vertices[0], [[0, -1, 0], [0, -1, 0]]
@@ -183,14 +185,14 @@ def test_half_precision_learns_as_float32_does() -> None:
     for precision in ("float32", "float16"):
         run = RunConfig(model=TWO_STAGE, train=TrainConfig(steps=1, precision=precision))
         half, batch = precision == "float16", _batch()
-        state, phase = train.initial_state(run, batch), phases(run.model, precision == "float16")[-1]
+        state, phase = train.initial_state(run, batch), objectives(run.model, precision == "float16")[-1]
         optimizer = train.make_optimizer(run.optim)
         params, moments, scale, values = state.params, state.optimizer, state.scale, []
         for step in range(25):
             key = jax.random.key(step)
             params, moments, scale, measures = train.train_step(
                 *(params, moments, scale, batch, jnp.float32(1e-2), key),
-                **{"phase": phase, "optimizer": optimizer, "half": half},
+                **{"objective": phase, "optimizer": optimizer, "half": half},
             )
             values.append(float(measures["loss"]))
             assert ("scale" in measures) == half and (half or float(scale.scale) == 1)
@@ -203,7 +205,7 @@ def test_half_precision_learns_as_float32_does() -> None:
 def test_a_loss_that_is_not_finite_stops_with_one_line(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "LOG_EVERY", 1)
     run = RunConfig(
-        model=ModelConfig("mlp", channels=8, layers=1),
+        model=model_config("mlp", channels=8, layers=1),
         data=DataConfig(),
         optim=OptimConfig(learning_rate=1e38, warmup=0.0),
         train=TrainConfig(steps=40, batch_vertices=len(MESH.vertices) + 5, checkpoint_every=1),

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gash_jax.files.strict import ConfigError
+from gash_jax.files.settings import ConfigError
 from gash_jax.train.sweep import load_sweep
 
 SPEC = """

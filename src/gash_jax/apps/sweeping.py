@@ -21,7 +21,7 @@ from gash_jax.apps.pictures.plots import plot_pareto
 from gash_jax.apps.progress import progress_bar, say
 from gash_jax.files.atomic import check_writable, whole_file
 from gash_jax.files.cores import available_cores
-from gash_jax.files.strict import ConfigError
+from gash_jax.files.settings import ConfigError
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import load_model

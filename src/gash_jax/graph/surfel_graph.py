@@ -1,15 +1,15 @@
-"""Mesh -> graph of blocks: what `nn.surfel_net` reads.
+"""Mesh -> blocks of vertices and the surfels they share: what `nn.surfel_net` reads.
 
-    nodes     {"position": (n, 3), "normal": (n, 3), "near": (n, NEAR * 6)}
-    edges     {"surfel": (e, 20)}, see `surfels`
-    senders   (e,) row of the surfel;  receivers (e,) first node of the block that looks at it
-    globals   {"center": (1, 3), "scale": (1,), "slot": (1, v)}
+Vertices are taken in the order of a space-filling curve, BLOCK = w at a time, the last one repeated to fill the last
+block; each block shares a list of n surfels:
 
-Nodes are the vertices in the order of a space-filling curve, BLOCK at a time, the last one repeated to fill the last
-block: vertex i of the mesh is node slot[i]. The edges of block b are b * count ... (b + 1) * count - 1. "near" holds
-offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where there are fewer. Positions are
-(vertex - center) / scale with the box centre and, as scale, `surface_radius`, which turns with the mesh. All arrays are
-NumPy, float32 or int32.
+    position, normal (b, w, 3)
+    near    (b, w, NEAR * 6)  offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where
+            there are fewer
+    surfel  (b, n, 20)        records of `surfels`, the most important first
+
+Positions are (vertex - center) / scale with the box centre and, as scale, the radius of the surface, which turns with
+the mesh. All arrays are NumPy, float32 or int32.
 
 What depends on the faces alone (tree, blocks, tables) is a `SurfelPlan`; the rest follows from positions and normals,
 with NumPy or under jit, so a mesh that deforms keeps its plan.
@@ -18,17 +18,25 @@ with NumPy or under jit, so a mesh that deforms keeps its plan.
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import jraph
 import numpy as np
 from jaxtyping import Float, Int
 
 from gash_jax.geometry.mesh import Mesh, center_and_scale, lengths, referenced, vector_areas
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.mesh_graph import surface_radius
-from gash_jax.graph.surfel_selection import BLOCK, sight_table, vertex_blocks
+from gash_jax.graph.surfel_selection import select_surfels, vertex_blocks
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
 NEAR = 8
+
+
+class SurfelGraph(NamedTuple):
+    """Blocks by name (module docstring); vertex i of the mesh is number slot[i] of the b * w in their order."""
+
+    blocks: dict[str, Float[np.ndarray, "b ..."]]
+    slot: Int[np.ndarray, "v"]
+    center: Float[np.ndarray, "3"]
+    scale: Float[np.ndarray, ""]
 
 
 class SurfelPlan(NamedTuple):
@@ -84,7 +92,7 @@ def plan_surfels(
     tree = build_tree(positions, faces, area, axes)
     records = surfel_records(tree, positions, faces)
     blocks = vertex_blocks(positions, mesh.normals, axes)
-    table = sight_table(tree, records, positions[blocks], mesh.normals[blocks], count)
+    table = select_surfels(tree, records, positions[blocks], mesh.normals[blocks], count)
     return SurfelPlan(faces, tree, blocks, corner_table(faces, len(positions)), table), records
 
 
@@ -94,26 +102,26 @@ def block_arrays(
     positions: Float[Any, "v 3"],
     normals: Float[Any, "v 3"],
     xp: ModuleType = np,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Nodes and edges of the graph; NumPy, or with `xp` = jax.numpy under jit."""
-    nodes = plan.blocks.reshape(-1)
+) -> dict[str, Any]:
+    """The blocks by name (module docstring); NumPy, or with `xp` = jax.numpy under jit."""
     both = xp.concatenate([positions, normals], axis=1)
-    own = xp.take(both, nodes, axis=0)
-    place, facing = own[:, :3], own[:, 3:]
+    own = xp.take(both, plan.blocks, axis=0)
+    place, facing = own[..., :3], own[..., 3:]
     # the normals of the corners stay as they are
-    near = xp.take(both, plan.corners[nodes], axis=0) - xp.concatenate([place, xp.zeros_like(facing)], axis=1)[:, None]
-    surfels = xp.take(records, plan.table.reshape(-1), axis=0)
-    return {"position": place, "normal": facing, "near": near.reshape(len(nodes), -1)}, {"surfel": surfels}
+    origin = xp.concatenate([place, xp.zeros_like(facing)], axis=-1)[:, :, None]
+    near = xp.take(both, plan.corners[plan.blocks], axis=0) - origin
+    surfels = xp.take(records, plan.table, axis=0)
+    return {"position": place, "normal": facing, "near": near.reshape(*near.shape[:2], -1), "surfel": surfels}
 
 
 def node_slots(blocks: Int[np.ndarray, "b w"], n_vertices: int) -> Int[np.ndarray, "v"]:
-    """For every vertex its node; of the repeated last vertex the first one."""
+    """The place of every vertex in the order of the blocks; of the repeated last vertex the first one."""
     slot = np.zeros(n_vertices, np.int32)
     slot[blocks.reshape(-1)[::-1]] = np.arange(blocks.size, dtype=np.int32)[::-1]
     return slot
 
 
-def surfel_graph(mesh: Mesh, count: int) -> jraph.GraphsTuple:
+def surfel_graph(mesh: Mesh, count: int) -> SurfelGraph:
     """The graph of a mesh in which every block looks at `count` surfels."""
     positions, center, unit = normalised(mesh)
     plan, records = plan_surfels(mesh, positions, count)
@@ -127,21 +135,8 @@ def planned_graph(
     normals: Float[np.ndarray, "v 3"],
     center: Float[np.ndarray, "3"],
     unit: float,
-) -> jraph.GraphsTuple:
+) -> SurfelGraph:
     """The graph of a plan at these positions."""
-    nodes, edges = block_arrays(plan, records, positions, normals.astype(np.float32))
-    blocks, count = plan.table.shape
-    fields: dict[str, Any] = {
-        "nodes": nodes,
-        "edges": edges,
-        "senders": plan.table.reshape(-1),
-        "receivers": np.repeat(np.arange(blocks, dtype=np.int32) * BLOCK, count),
-        "globals": {
-            "center": np.asarray(center, np.float32).reshape(1, 3),
-            "scale": np.full(1, unit, np.float32),
-            "slot": node_slots(plan.blocks, len(positions))[None],
-        },
-        "n_node": np.array([blocks * BLOCK], np.int32),
-        "n_edge": np.array([blocks * count], np.int32),
-    }
-    return jraph.GraphsTuple(**fields)
+    blocks = block_arrays(plan, records, positions, normals.astype(np.float32))
+    slot = node_slots(plan.blocks, len(positions))
+    return SurfelGraph(blocks, slot, np.asarray(center, np.float32), np.asarray(unit, np.float32))

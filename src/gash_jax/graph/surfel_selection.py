@@ -47,7 +47,7 @@ def vertex_blocks(
     return np.concatenate([order, np.repeat(order[-1:], missing)]).reshape(-1, BLOCK)
 
 
-def sight_table(
+def select_surfels(
     tree: SurfelTree,
     records: Float[np.ndarray, "s d"],
     positions: Float[np.ndarray, "b w 3"],
@@ -59,10 +59,10 @@ def sight_table(
     # without size nothing is important
     columns[3] = np.where(records[:, 6] > 0, columns[3], np.float32(0))
     chunks = [slice(start, start + CHUNK) for start in range(0, len(positions), CHUNK)]
-    return np.concatenate([_look(tree, columns, positions[c], normals[c], count) for c in chunks])
+    return np.concatenate([_select(tree, columns, positions[c], normals[c], count) for c in chunks])
 
 
-def _look(
+def _select(
     tree: SurfelTree, columns: list[np.ndarray], positions: np.ndarray, normals: np.ndarray, count: int
 ) -> Int[np.ndarray, "b n"]:
     blocks = len(positions)

@@ -43,7 +43,7 @@ def evaluate_mesh(model: Model, mesh: Mesh, reference: Reference) -> dict[str, A
     _, network_seconds = timed(lambda: model(graph))
     per_vertex = 1e6 / len(mesh.vertices)
     times = {"graph_us": graph_seconds * per_vertex, "network_us": network_seconds * per_vertex}
-    seen = visibility_score(model, mesh) if model.config.name == "two-stage" else {}
+    seen = visibility_score(model, mesh) if model.predicts_visibility else {}
     return {**times, **score(model.predict(mesh).coefficients, mesh, reference), **seen}
 
 

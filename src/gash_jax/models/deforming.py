@@ -15,12 +15,11 @@ from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.graph.surfel_graph import block_arrays, node_slots, normalised, plan_surfels
+from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
-from gash_jax.models.blocks import GROUP, run_blocks
-from gash_jax.models.config import build_model
 from gash_jax.models.model import Model
-from gash_jax.nn.surfel_net import BLOCK, by_band
+from gash_jax.models.surfel_inference import apply_surfels
+from gash_jax.nn.surfel_net import SurfelConfig
 
 # positions -> coefficients and predicted error, both "v k"
 DeformingFn = Callable[[Float[Array | np.ndarray, "v 3"]], tuple[Array, Array]]
@@ -45,13 +44,11 @@ def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
 
     Raises ValueError for a model other than `local`.
     """
-    if model.config.graph != "surfels":
+    if not isinstance(model.config, SurfelConfig):
         raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
     positions, center, unit = normalised(mesh)
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
-    blocks, bands, module = len(plan.blocks), model.config.bands, build_model(model.config)
-    missing = -blocks % GROUP
-    node_of = node_slots(plan.blocks, len(positions))
+    slot = node_slots(plan.blocks, len(positions))
     middle, loose = jnp.asarray(center, jnp.float32)[None], ~np.any(mesh.normals, axis=1)
 
     @jax.jit
@@ -59,12 +56,7 @@ def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
         placed = (vertices - middle) / np.float32(unit)
         normals = jnp.where(loose[:, None], 0.0, vertex_normals(placed, plan.faces))
         records = surfel_records(plan.tree, placed, plan.faces, jnp)
-        nodes, edges = block_arrays(plan, records, placed, normals, jnp)
-        parts = {name: a.reshape(blocks, BLOCK, -1) for name, a in nodes.items()}
-        parts["surfel"] = edges["surfel"].reshape(blocks, model.config.neighbours, -1)
-        parts = {name: jnp.pad(a, ((0, missing), (0, 0), (0, 0))) for name, a in parts.items()}
-        output = run_blocks(module, params, parts, parts.pop("surfel"))
-        output = output.reshape(-1, output.shape[-1])[node_of]
-        return output[:, : bands**2], by_band(output[:, bands**2 :], bands)
+        blocks = block_arrays(plan, records, placed, normals, jnp)
+        return apply_surfels(model.module, params, SurfelGraph(blocks, slot, center, np.float32(unit)))
 
     return lambda vertices: frame(jnp.asarray(vertices, jnp.float32), model.params)

@@ -11,54 +11,65 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-import jraph
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
 from gash_jax.files.atomic import FileError
-from gash_jax.files.cores import available_cores
 from gash_jax.files.npz import read_npz, write_npz
-from gash_jax.files.strict import ConfigError, from_dict
+from gash_jax.files.settings import ConfigError
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.models.blocks import predict_blocks
-from gash_jax.models.config import ModelConfig, build_model
-from gash_jax.models.model_graph import model_graph
+from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
+from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = "gash-model", 1
+# arrays by the names that the first files gave them
+RENAMED = {
+    f"{old}/{kind}": f"{new}/{kind}"
+    for old, new in (("doubt", "error_hidden"), ("error", "error_head"))
+    for kind in ("kernel", "bias")
+}
 
 
 class Model:
-    """`model(graph)` predicts (v, k) coefficients of a graph from `model.graph(mesh)`."""
+    """`model(graph)` predicts (v, k) coefficients of what `model.graph(mesh)` says of a mesh."""
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
         self.config, self.params, self.metadata = config, params, metadata or {}
-        self._module = build_model(config)
-        self._apply = jax.jit(self._module.apply)
-        self._logits = jax.jit(partial(self._module.apply, method="visibility_logits"))
+        self.module, self.family = build_model(config), family_of(config)
+        self._apply = jax.jit(partial(self.family.predict, self.module))
+        self._logits = jax.jit(partial(self.module.apply, method="visibility_logits"))
 
-    def graph(self, mesh: Mesh, seed: int = 0) -> jraph.GraphsTuple:
-        """The graph this model wants; `seed` draws the neighbours of a `rings` graph."""
+    def graph(self, mesh: Mesh, seed: int = 0) -> Any:
+        """What this model reads of a mesh; `seed` draws the neighbours of a `rings` graph."""
         return model_graph(self.config, mesh, seed)
 
-    def __call__(self, graph: jraph.GraphsTuple) -> jax.Array:
+    def __call__(self, graph: Any) -> jax.Array:
         """Coefficients of every vertex, "v k", in the order of the mesh."""
         return self.with_error(graph)[0]
 
-    def with_error(self, graph: jraph.GraphsTuple) -> tuple[jax.Array, jax.Array | None]:
-        """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k"."""
-        if self.config.graph != "surfels":
-            return self._apply({"params": self.params}, graph), None
-        found = predict_blocks(self._module, self.params, graph, self.config.bands, available_cores())
-        return jnp.asarray(found[0]), jnp.asarray(found[1])
+    def with_error(self, graph: Any, params: Any = None) -> tuple[jax.Array, jax.Array | None]:
+        """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k".
 
-    def visibility_logits(self, graph: jraph.GraphsTuple) -> jax.Array:
+        A JAX function of the graph's arrays and of `params` (the model's own unless given): jit, grad and vmap work.
+        """
+        params = self.params if params is None else params
+        traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((graph, params)))
+        if self.family.predict_fast and not traced:
+            return self.family.predict_fast(self.module, params, graph)
+        return self._apply(params, graph)
+
+    @property
+    def predicts_visibility(self) -> bool:
+        """Whether the network has a first net that predicts visibility."""
+        return hasattr(self.module, "visibility_logits")
+
+    def visibility_logits(self, graph: Any) -> jax.Array:
         """What the first net of a two-stage network says of the hemisphere's directions, "v n".
 
         Raises ValueError for a model without one.
         """
-        if self.config.name != "two-stage":
+        if not self.predicts_visibility:
             raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
         return self._logits({"params": self.params}, graph)
 
@@ -72,8 +83,9 @@ class Model:
         usable = np.any(mesh.normals != 0, axis=1)[:, None]
         seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
         parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", ""), "seed": seed}
-        # the teacher is told the visibility: one ray a direction
-        rays = len(mesh.vertices) * self.config.visibility_directions if self.config.name == "teacher" else 0
+        # a network that is told visibilities had one ray traced for each direction
+        told = getattr(graph, "nodes", None) or {}
+        rays = told["visibility"].size if "visibility" in told else 0
         metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
         coefficients = np.where(usable, np.asarray(coefficients, np.float32), np.float32(0))
         predicted = None if error is None else np.where(usable, np.asarray(error, np.float32), np.float32(0))
@@ -108,7 +120,8 @@ def load_model(name: str | Path) -> Model:
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")
     try:
-        config = from_dict(ModelConfig, metadata["model"], "model.")
+        config = config_from_file(metadata["model"])
     except ConfigError as error:
         raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
+    arrays = {RENAMED.get(name, name): array for name, array in arrays.items()}
     return Model(config, unflatten_dict(arrays, sep="/"), metadata)

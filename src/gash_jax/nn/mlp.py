@@ -3,12 +3,25 @@
 It cannot know of occlusion beyond what position and normal say about the shapes it was trained on.
 """
 
+from dataclasses import dataclass
+
 import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from gash_jax.files.settings import setting
 from gash_jax.nn.closed_form import zero_without_normal
-from gash_jax.nn.inputs import node_arrays, vertex_inputs
+from gash_jax.nn.config import ModelConfig
+from gash_jax.nn.inputs import VERTEX_ENCODINGS, node_arrays, vertex_inputs
+
+
+@dataclass(frozen=True)
+class MLPConfig(ModelConfig):
+    """The MLP over single vertices."""
+
+    channels: int = setting(128, "width of the hidden layers", least=1)
+    layers: int = setting(3, "number of hidden layers", least=1)
+    encoding: str = setting("motor", "what the network is told of a vertex", choices=VERTEX_ENCODINGS)
 
 
 class MLP(nn.Module):
@@ -28,3 +41,8 @@ class MLP(nn.Module):
             x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
         x = nn.Dense(self.bands**2, name="head")(x)
         return zero_without_normal(x, nodes["normal"])
+
+
+def build_mlp(config: MLPConfig) -> MLP:
+    """The network of a config."""
+    return MLP(config.channels, config.layers, config.bands, config.encoding)

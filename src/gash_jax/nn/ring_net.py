@@ -19,15 +19,39 @@ nonlinearity, and only one row of `channels` is gathered per edge. The last laye
 is the closed form.
 """
 
+from dataclasses import dataclass
+
 import jax.numpy as jnp
 import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.sh_rotation import rotate_coefficients
+from gash_jax.files.settings import setting
 from gash_jax.nn.attention import SLOPE, neighbour_softmax, over_vertices
 from gash_jax.nn.closed_form import closed_form, zero_without_normal
-from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays, vertex_inputs
+from gash_jax.nn.config import ModelConfig, check_heads
+from gash_jax.nn.inputs import VERTEX_ENCODINGS, edge_arrays, edge_ends, node_arrays, vertex_inputs
+
+
+@dataclass(frozen=True)
+class RingConfig(ModelConfig):
+    """The network over rings of neighbours."""
+
+    channels: int = setting(32, "width of the states", least=1)
+    layers: int = setting(3, "number of attention layers", least=1)
+    heads: int = setting(4, "attention heads; the channels must be a multiple", least=1)
+    neighbours: int = setting(32, "neighbours of a vertex, drawn from four rings; a multiple of 4", least=4)
+    block: int = setting(128, "vertices per block in inference; 0: all at once", least=0)
+    encoding: str = setting(
+        "relative",
+        "what the network is told of an edge",
+        choices=("relative", "relative-motor", *VERTEX_ENCODINGS),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_heads(self.heads, [self.channels])
 
 
 class EdgePooling(nn.Module):
@@ -116,3 +140,9 @@ def _edge_inputs(graph: jraph.GraphsTuple, encoding: str, table: Int[Array, "v k
     ends = vertex_inputs(graph, encoding)
     receivers = jnp.broadcast_to(ends[:, None], (*table.shape, ends.shape[-1]))
     return jnp.concatenate([ends[table], receivers], axis=-1)
+
+
+def build_ring_net(config: RingConfig) -> RingNet:
+    """The network of a config."""
+    sizes = config.channels, config.layers, config.heads, config.bands, config.neighbours
+    return RingNet(*sizes, config.block or None, config.encoding)

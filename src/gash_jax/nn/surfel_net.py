@@ -1,7 +1,11 @@
 """Transfer from what a vertex sees of a tree of surfels, as a residual to the closed form.
 
-Every vertex looks at the `neighbours` surfels of its block (`graph.sight`) and at the corners of its own faces
-(nodes["near"]). A surfel of area A at offset o = d u covers the solid angle w = a / (a + d²), with a the smaller of A
+Vertices come in blocks b of w, which share a list of n surfels (`graph.surfel_graph`); the network reads
+
+    position, normal (b, w, 3)    near (b, w, m * 6)    surfel (b, n, 20)
+
+A vertex is told of the surfels of its block and of the m corners of its own faces ("near": offset and normal of each).
+A surfel of area A at offset o = d u covers the solid angle w = a / (a + d²), with a the smaller of A
 and its projected area; what stands above the tangent plane counts by its cosine c = max(n . u, 0). With f the features
 of a pair in the frame F of the vertex, h = ReLU(W f + b), and g the same of the near corners:
 
@@ -22,9 +26,11 @@ Beside the coefficients the network predicts, per band, the mean square error of
 from z; they are learnt after it. Where it expects to be worse than the closed form it falls back in that proportion.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
-import jraph
 import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Float
@@ -32,12 +38,12 @@ from jaxtyping import Array, Float
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.numerics import safe_normalize
 from gash_jax.algebra.sh_rotation import rotate_coefficients
+from gash_jax.files.settings import setting
 from gash_jax.nn.closed_form import closed_form, zero_without_normal
-from gash_jax.nn.inputs import edge_arrays, node_arrays
+from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.pooling import most_of, total_of
 
 GATE = 0.01
-BLOCK = 16
 # squared lengths are at least this (radius of the surface = 1): what coincides has no direction
 FLOOR = 1e-12
 TINY = 1e-20
@@ -57,6 +63,17 @@ Pair = Float[Array, "b w n"]
 # corners of a vertex's own faces, vertices contiguous
 Corner = Float[Array, "m v"]
 Vector = list[Array]
+# what the network reads, by name (module docstring)
+Blocks = Mapping[str, Array | np.ndarray]
+
+
+@dataclass(frozen=True)
+class SurfelConfig(ModelConfig):
+    """The network over a tree of surfels."""
+
+    channels: int = setting(16, "width of what is said of a pair of vertex and surfel", least=2)
+    layers: int = setting(2, "residual layers after pooling", least=1)
+    neighbours: int = setting(48, "surfels that a block of vertices shares", least=1)
 
 
 def _dot(a: Vector, b: Vector) -> Array:
@@ -72,7 +89,7 @@ def _quadratic(form: Vector, u: Vector) -> Array:
 
 
 class SurfelNet(nn.Module):
-    """Coefficients from a graph of blocks: see the module docstring and `graph.surfel_graph`.
+    """Coefficients from blocks of vertices and their surfels: see the module docstring.
 
     `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers four times as many.
     """
@@ -80,7 +97,6 @@ class SurfelNet(nn.Module):
     channels: int = 16
     layers: int = 2
     bands: int = 3
-    neighbours: int = 48
 
     def setup(self) -> None:
         """The layers by their names in the model file."""
@@ -88,27 +104,25 @@ class SurfelNet(nn.Module):
         self.surfel, self.near = _Pairs(self.channels), _Pairs(3 * self.channels // 4)
         self.mix, self.hidden = nn.Dense(width), [nn.Dense(width) for _ in range(self.layers)]
         self.head = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init())
-        self.doubt, self.error = nn.Dense(self.channels), nn.Dense(2 * self.bands)
+        self.error_hidden, self.error_head = nn.Dense(self.channels), nn.Dense(2 * self.bands)
 
-    def with_error(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v m"]:
+    def with_error(self, blocks: Blocks, deterministic: bool = True) -> Float[Array, "v m"]:
         """Coefficients before any fallback (bands²), the closed form's (bands²), log MSE of the two (bands each).
 
-        In world directions, in the order of the graph's blocks; nothing is random, so `deterministic` changes nothing.
+        In world directions, v = b * w vertices in the order of the blocks; nothing is random, so `deterministic`
+        changes nothing.
         """
-        return self.answer(*self.look(graph), node_arrays(graph)["normal"])
+        return self.decode(*self.encode(blocks), jnp.asarray(blocks["normal"]).reshape(-1, 3))
 
-    def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v m"]:
+    def __call__(self, blocks: Blocks, deterministic: bool = True) -> Float[Array, "v m"]:
         """Coefficients after the fallback, then their expected error per band, (v, bands² + bands)."""
-        output = self.with_error(graph)
-        return fall_back(output, node_arrays(graph)["normal"], self.bands)
+        return fall_back(self.with_error(blocks), jnp.asarray(blocks["normal"]).reshape(-1, 3), self.bands)
 
-    def look(self, graph: jraph.GraphsTuple) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
-        """First states, frames, and how much stands above the tangent plane."""
-        nodes, surfels = node_arrays(graph), edge_arrays(graph)["surfel"]
+    def encode(self, blocks: Blocks) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
+        """State and frame of every vertex, and how much stands above its tangent plane."""
         # one array a component
-        surfel = surfels.reshape(-1, self.neighbours, surfels.shape[-1]).transpose(2, 0, 1)[:, :, None]
-        blocks = len(surfel[0])
-        position, normal = (nodes[name].reshape(blocks, BLOCK, 3).transpose(2, 0, 1) for name in ("position", "normal"))
+        surfel = jnp.asarray(blocks["surfel"]).transpose(2, 0, 1)[:, :, None]
+        position, normal = (jnp.asarray(blocks[name]).transpose(2, 0, 1) for name in ("position", "normal"))
         own = list(normal[..., None])
         offset = [surfel[i] - position[i][..., None] for i in range(3)]
         square = _dot(offset, offset) + FLOOR
@@ -125,7 +139,7 @@ class SurfelNet(nn.Module):
         reach = jnp.sqrt(jnp.maximum(_quadratic(list(surfel[14:20]), own), 0) + TINY) * inverse
         reach = jnp.minimum(reach, FARTHEST)
         partly = angle * jnp.clip(height + reach, 0, 1)
-        corners = nodes["near"].reshape(blocks * BLOCK, -1, 6).transpose(2, 1, 0)
+        corners = jnp.asarray(blocks["near"]).reshape(normal[0].size, -1, 6).transpose(2, 1, 0)
         away = jnp.sqrt(_dot(list(corners[:3]), list(corners[:3])) + FLOOR)
         v = [c / away for c in corners[:3]]
         frame = _frames(list(normal), u, above, angle, v)
@@ -148,17 +162,16 @@ class SurfelNet(nn.Module):
         x = nn.relu(self.mix(jnp.concatenate(pooled).T))
         return x, frames.reshape(-1, 3, 3), total + jnp.sum(rise, axis=0) / count
 
-    def answer(
+    def decode(
         self, x: Float[Array, "v c"], frames: Float[Array, "v 3 3"], seen: Float[Array, "v"], normals: Array
     ) -> Float[Array, "v m"]:
-        """What `with_error` says, from what `look` saw."""
+        """What `with_error` says, from what `encode` found."""
         for hidden in self.hidden:
             x = x + nn.relu(hidden(x))
         gate = (seen / (seen + GATE))[:, None]
         residual = gate * self.head(x)
-        y = nn.tanh(self.doubt(x))
         low, high = LOG_RANGE
-        errors = low + (high - low) * nn.sigmoid(self.error(y))
+        errors = low + (high - low) * nn.sigmoid(self.error_head(nn.tanh(self.error_hidden(x))))
         world = rotate_coefficients(residual, frames)
         exact = closed_form(normals, self.bands)
         return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
@@ -222,3 +235,8 @@ def fall_back(output: Float[Array, "v m"], normals: Float[Array, "v 3"], bands: 
     coefficients = exact + by_band(trust, bands) * (raw - exact)
     error = jnp.sqrt(trust**2 * jnp.exp(own) + (1 - trust) ** 2 * jnp.exp(formula))
     return jnp.concatenate([coefficients, zero_without_normal(error, normals)], axis=-1)
+
+
+def build_surfel_net(config: SurfelConfig) -> SurfelNet:
+    """The network of a config."""
+    return SurfelNet(config.channels, config.layers, config.bands)

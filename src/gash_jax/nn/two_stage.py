@@ -10,15 +10,59 @@ Stage 2 alone is two more of the paper's networks (4.1): the single-stage GNN, w
 which reads the true visibility, 57 inputs with the 32 of the motor.
 """
 
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
 import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from gash_jax.files.settings import setting
 from gash_jax.nn.attention import GATv2Conv, TransformerConv
 from gash_jax.nn.closed_form import zero_without_normal
-from gash_jax.nn.inputs import edge_arrays, edge_ends, node_arrays, vertex_inputs
+from gash_jax.nn.config import ModelConfig, check_heads
+from gash_jax.nn.inputs import VERTEX_ENCODINGS, edge_arrays, edge_ends, node_arrays, vertex_inputs
+
+
+@dataclass(frozen=True)
+class GNNConfig(ModelConfig):
+    """The single-stage network: stage 2 alone, from motors to coefficients."""
+
+    channels: int = setting(96, "width of the coefficient net", least=1)
+    layers: int = setting(5, "number of its GATv2 layers", least=1)
+    heads: int = setting(4, "attention heads; all channels must be a multiple", least=1)
+    neighbours: int = setting(16, "neighbours of a vertex", least=1)
+    graph: str = setting("knn", "nearest vertices, or some drawn from rings around them", choices=("knn", "rings"))
+    dropout: float = setting(0.2, "share of states dropped in training", least=0, below=1)
+    block: int = setting(128, "vertices per block in inference; 0: all at once", least=0)
+    encoding: str = setting(
+        "motor", "what the network is told of a vertex", choices=(*VERTEX_ENCODINGS, "relative-motor")
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_heads(self.heads, [self.channels])
+
+
+@dataclass(frozen=True)
+class TeacherConfig(GNNConfig):
+    """The teacher: stage 2 that is told traced visibilities."""
+
+    visibility_directions: int = setting(25, "directions of the hemisphere whose visibility is told", least=1)
+    encoding: str = setting("motor", "what the network is told of a vertex", choices=VERTEX_ENCODINGS)
+
+
+@dataclass(frozen=True)
+class TwoStageConfig(TeacherConfig):
+    """Both stages."""
+
+    visibility_channels: int = setting(64, "width of the visibility net", least=1)
+    visibility_layers: int = setting(3, "number of its TransformerConv layers", least=1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_heads(self.heads, [self.visibility_channels])
 
 
 class VisibilityNet(nn.Module):
@@ -94,3 +138,16 @@ class TwoStage(nn.Module):
         probabilities = jax.nn.sigmoid(self.visibility_logits(graph, deterministic))
         nodes = {**node_arrays(graph), "visibility": probabilities}
         return self.coefficient(graph._replace(nodes=nodes), deterministic)
+
+
+def build_coefficient_net(config: GNNConfig) -> CoefficientNet:
+    """Stage 2 of a config; only the single-stage network does without visibilities."""
+    sizes = config.channels, config.layers, config.heads, config.bands, config.dropout, config.neighbours
+    return CoefficientNet(*sizes, config.block or None, isinstance(config, TeacherConfig), config.encoding)
+
+
+def build_two_stage(config: TwoStageConfig) -> TwoStage:
+    """Both stages of a config."""
+    widths = config.visibility_channels, config.visibility_layers, config.heads, config.visibility_directions
+    visibility = VisibilityNet(*widths, config.neighbours, config.block or None, config.encoding)
+    return TwoStage(visibility, build_coefficient_net(config))

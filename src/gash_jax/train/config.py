@@ -6,8 +6,8 @@
     name = "local"
     channels = 16
 
-Tables are `model` (nn.registry.ModelConfig), `data`, `optim`, `train`. Unknown keys and wrong types are errors.
-The resolved config is saved beside the run and inside every model file.
+Tables are `model` (the config of its family: `models.families`), `data`, `optim`, `train`. Unknown keys, wrong types
+and values out of range are errors. The resolved config is saved beside the run and inside every model file.
 """
 
 import tomllib
@@ -17,58 +17,60 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from gash_jax.files.strict import ConfigError, from_dict
-from gash_jax.models.config import ModelConfig
-
-CLOCKS = ("wall", "cpu")
-PRECISIONS = ("float32", "float16", "auto")
+from gash_jax.files.settings import ConfigError, check_settings, from_dict, setting
+from gash_jax.models.families import config_from_dict, model_config
+from gash_jax.nn.config import ModelConfig
 
 
 @dataclass(frozen=True)
 class DataConfig:
     """Procedural corpus: the first `validation_shapes` shapes validate, the following `shapes` train."""
 
-    shapes: int = 96
-    validation_shapes: int = 8
-    seed: int = 0
-    rays: int = 256
-    min_vertices: int = 600
-    max_vertices: int = 3000
+    shapes: int = setting(96, "shapes to train on", least=1)
+    validation_shapes: int = setting(8, "shapes to validate on", least=0)
+    seed: int = setting(0, "seed of the shapes", least=0)
+    rays: int = setting(256, "rays per vertex of the labels", least=1, most=1 << 20)
+    min_vertices: int = setting(600, "vertices of the smallest shapes", least=4)
+    max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.min_vertices > self.max_vertices:
+            raise ValueError(f"min_vertices = {self.min_vertices}: must be at most max_vertices, {self.max_vertices}")
 
 
 @dataclass(frozen=True)
 class OptimConfig:
     """AdamW with cosine decay to zero after a linear warm-up, gradients clipped to a global norm."""
 
-    learning_rate: float = 2e-3
-    weight_decay: float = 1e-4
-    clip_norm: float = 1.0
-    warmup: float = 0.05
+    learning_rate: float = setting(2e-3, "learning rate after the warm-up", least=0)
+    weight_decay: float = setting(1e-4, "weight decay of AdamW", least=0)
+    clip_norm: float = setting(1.0, "global norm that gradients are clipped to", least=0)
+    warmup: float = setting(0.05, "share of the budget in which the learning rate rises", least=0, below=1)
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 @dataclass(frozen=True)
 class TrainConfig:
     """Budget and cadence. The run ends after `steps`, or after `seconds` where steps is 0.
 
-    `clock`: seconds on the "wall", or "cpu": CPU seconds of the process for each core it may use, which is fair where
-    other work runs beside it. `precision`: "float32"; "float16": networks compute in half precision under a dynamic
-    loss scale, parameters stay float32; "auto": float16 on a GPU, float32 elsewhere. `teacher`: a model (a shipped name
-    or a file) whose predictions are learnt instead of the baked labels.
+    CPU seconds are fair where other work runs beside the run. In float16 networks compute in half precision under a
+    dynamic loss scale, parameters stay float32; "auto" is float16 on a GPU, float32 elsewhere.
     """
 
-    steps: int = 0
-    seconds: float = 80.0
-    clock: str = "wall"
-    batch_vertices: int = 4096
-    checkpoint_every: int = 200
-    seed: int = 0
-    precision: str = "float32"
-    teacher: str = ""
+    steps: int = setting(0, "steps of the whole run; 0: as many as fit into `seconds`", least=0)
+    seconds: float = setting(80.0, "budget where steps is 0", least=0)
+    clock: str = setting("wall", "seconds on the wall, or CPU seconds for each core", choices=("wall", "cpu"))
+    batch_vertices: int = setting(4096, "vertices of a batch", least=1)
+    checkpoint_every: int = setting(200, "steps between checkpoints, each with a validation", least=1)
+    seed: int = setting(0, "seed of parameters, batches and dropout", least=0)
+    precision: str = setting("float32", "what networks compute in", choices=("float32", "float16", "auto"))
+    teacher: str = setting("", "a model whose predictions are learnt instead of the baked labels: shipped name or file")
 
     def __post_init__(self) -> None:
-        for key, known in (("clock", CLOCKS), ("precision", PRECISIONS)):
-            if getattr(self, key) not in known:
-                raise ValueError(f"{key} = {getattr(self, key)!r}: known are {', '.join(known)}")
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class RunConfig:
     """Everything that determines a run."""
 
     name: str = "run"
-    model: ModelConfig = field(default_factory=ModelConfig)
+    model: ModelConfig = field(default_factory=model_config)
     data: DataConfig = field(default_factory=DataConfig)
     optim: OptimConfig = field(default_factory=OptimConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
@@ -136,4 +138,12 @@ def load_config(name: str | Path, overrides: Iterable[str] = ()) -> RunConfig:
     values = _read(shipped_configs().get(str(name), Path(name)))
     for text in overrides:
         values = _merge(values, _assignment(text))
-    return from_dict(RunConfig, values)
+    return run_from_dict(values)
+
+
+def run_from_dict(values: Mapping[str, Any]) -> RunConfig:
+    """A run from its nested dictionary, as `RunConfig.to_dict` gives it. Raises ConfigError."""
+    model = values.get("model", {})
+    if not isinstance(model, Mapping):
+        raise ConfigError("config key 'model' must be a table")
+    return from_dict(RunConfig, {**values, "model": config_from_dict(model)})

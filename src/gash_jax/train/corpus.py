@@ -20,7 +20,7 @@ from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.cores import available_cores
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.models.batches import Item
+from gash_jax.models.examples import Item
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.shapes.procedural import make_shape

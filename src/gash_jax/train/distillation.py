@@ -4,16 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gash_jax.models.batches import Example
+from gash_jax.models.examples import Example, Item
+from gash_jax.models.families import model_graph
 from gash_jax.models.model import Model
-from gash_jax.models.model_graph import model_graph
-from gash_jax.train.corpus import Item
 
 
-def taught(examples: Sequence[Example], items: Sequence[Item], teacher: Model) -> list[Example]:
+def distilled(examples: Sequence[Example], items: Sequence[Item], teacher: Model) -> list[Example]:
     """The examples of a student with the teacher's coefficients as labels; items are the same shapes, in order."""
-    lessons = []
+    changed = []
     for example, item in zip(examples, items, strict=True):
         graph = model_graph(teacher.config, item.mesh, 0, item.visibility)
-        lessons.append(example._replace(coefficients=np.asarray(teacher(graph), np.float32)))
-    return lessons
+        changed.append(example._replace(coefficients=np.asarray(teacher(graph), np.float32)))
+    return changed

@@ -23,16 +23,15 @@ from jaxtyping import Array
 
 from gash_jax.files.atomic import write_text
 from gash_jax.files.cores import available_cores
-from gash_jax.files.strict import ConfigError
-from gash_jax.models.batches import Batch, Example
-from gash_jax.models.config import build_model
+from gash_jax.files.settings import ConfigError
+from gash_jax.models.examples import Batch, Example
+from gash_jax.models.families import build_model, family_of
 from gash_jax.models.model import save_model
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint, save_checkpoint
 from gash_jax.train.config import OptimConfig, RunConfig, TrainConfig
 from gash_jax.train.logs import MetricsLog
-from gash_jax.train.objectives import Phase, flat, phases
+from gash_jax.train.objectives import Objective, flat, objectives
 from gash_jax.train.precision import computes_in_half, initial_scale, scaled_gradients
-from gash_jax.train.sampling import Sampler, make_sampler, validation_batches
 
 LOG_EVERY = 10
 
@@ -70,7 +69,7 @@ def learning_rate(config: OptimConfig, fraction: float) -> float:
     return config.learning_rate * 0.5 * (1.0 + float(np.cos(np.pi * min(rest, 1.0))))
 
 
-@partial(jax.jit, static_argnames=("phase", "optimizer", "half"))
+@partial(jax.jit, static_argnames=("objective", "optimizer", "half"))
 def train_step(
     params: Any,
     moments: Any,
@@ -79,7 +78,7 @@ def train_step(
     rate: Array,
     key: Array,
     *,
-    phase: Phase,
+    objective: Objective,
     optimizer: Any,
     half: bool = False,
 ) -> tuple[Any, Any, DynamicScale, dict[str, Array]]:
@@ -87,10 +86,12 @@ def train_step(
 
     A step whose gradients overflowed in half precision changes nothing but the loss scale.
     """
-    frozen = {name: value for name, value in params.items() if phase.trainable and name not in phase.trainable}
+    trainable = objective.phase.trainable
+    frozen = {name: value for name, value in params.items() if trainable and name not in trainable}
     chosen = {name: value for name, value in params.items() if name not in frozen}
-    objective = lambda chosen: phase.objective({**frozen, **chosen}, batch, key)  # noqa: E731
-    loss, gradients, scale, finite = scaled_gradients(objective, chosen, scale, half)
+    loss, gradients, scale, finite = scaled_gradients(
+        lambda chosen: objective.loss({**frozen, **chosen}, batch, key), chosen, scale, half
+    )
     gradients = {**gradients, **jax.tree.map(jnp.zeros_like, frozen)}
     updates, after = optimizer.update(gradients, moments, params)
     moved = {**jax.tree.map(lambda p, u: p - rate * u, params, updates), **frozen}
@@ -101,29 +102,29 @@ def train_step(
     return moved, after, scale, measures | ({"scale": jnp.asarray(scale.scale)} if half else {})
 
 
-@partial(jax.jit, static_argnames="phase")
-def predict_step(params: Any, batch: Batch, *, phase: Phase) -> Array:
+@partial(jax.jit, static_argnames="objective")
+def predict_step(params: Any, batch: Batch, *, objective: Objective) -> Array:
     """Output of every vertex of a batch, without dropout."""
-    return phase.output(params, batch, None)
+    return objective.output(params, batch, None)
 
 
-def validate(params: Any, batches: Sequence[Batch], phase: Phase) -> dict[str, float]:
+def validate(params: Any, batches: Sequence[Batch], objective: Objective) -> dict[str, float]:
     """Loss and measures over the vertices of all validation shapes together."""
     outputs, labels, normals = [], [], []
     for batch in batches:
         mask = np.asarray(flat(batch.mask))
-        outputs.append(np.asarray(predict_step(params, batch, phase=phase))[mask])
-        labels.append(np.asarray(flat(getattr(batch, phase.labels)))[mask])
-        normals.append(np.asarray(flat(batch.graph.nodes["normal"]))[mask])  # type: ignore[index]
+        outputs.append(np.asarray(predict_step(params, batch, objective=objective))[mask])
+        labels.append(np.asarray(flat(getattr(batch, objective.phase.labels)))[mask])
+        normals.append(np.asarray(flat(batch.normals))[mask])
     output, label, normal = (np.concatenate(arrays) for arrays in (outputs, labels, normals))
-    loss = float(phase.loss(jnp.asarray(output), jnp.asarray(label), jnp.ones(len(output), bool)))
-    return {"validation": loss, **phase.measure(output, label, normal)}
+    loss = float(objective.phase.loss(jnp.asarray(output), jnp.asarray(label), jnp.ones(len(output), bool)))
+    return {"validation": loss, **objective.measure(output, label, normal)}
 
 
 def initial_state(config: RunConfig, example: Batch) -> TrainState:
     """Fresh parameters from the seed, optimiser of the first phase."""
-    graph = jax.tree.map(lambda leaf: leaf[0], example.graph)
-    params = build_model(config.model).init(jax.random.key(config.train.seed), graph)["params"]
+    inputs = jax.tree.map(lambda leaf: leaf[0], example.inputs)
+    params = jax.jit(build_model(config.model).init)(jax.random.key(config.train.seed), inputs)["params"]
     moments, scale = make_optimizer(config.optim).init(params), initial_scale(computes_in_half(config.train.precision))
     return TrainState(params, params, float("inf"), moments, scale, 0, 0, 0.0)
 
@@ -149,13 +150,14 @@ def train_model(
     """
     folder = Path(folder)
     _open_folder(folder, config)
-    batches = validation_batches(config.model, validation, config.train.batch_vertices)
-    draw = make_sampler(config.model, training)
+    put_together = family_of(config.model).batches
+    batches = put_together(validation).in_order(config.train.batch_vertices) if validation else []
+    draw = put_together(training).draw
     state = initial_state(config, draw(config.train.batch_vertices, config.train.seed, 0, 1))
     if has_checkpoint(folder):
         state = restore_checkpoint(folder, state)
-    plan = phases(config.model, computes_in_half(config.train.precision))
-    with MetricsLog(folder, [phase.name for phase in plan], int(state.phase), int(state.step)) as log:
+    plan = objectives(config.model, computes_in_half(config.train.precision))
+    with MetricsLog(folder, [objective.phase.name for objective in plan], int(state.phase), int(state.step)) as log:
         while state.phase < len(plan):
             state = _PhaseRun(config, plan[state.phase], draw, batches, folder, log, report).run(state)
             following = state.phase + 1
@@ -179,8 +181,8 @@ class _PhaseRun(NamedTuple):
     """One phase to the end of its budget, logging and checkpointing on the way."""
 
     config: RunConfig
-    phase: Phase
-    draw: Sampler
+    objective: Objective
+    draw: Callable[[int, int, int, int], Batch]  # (vertices, seed, step, shards)
     batches: Sequence[Batch]
     folder: Path
     log: MetricsLog
@@ -191,11 +193,12 @@ class _PhaseRun(NamedTuple):
         half, optimizer = computes_in_half(train.precision), make_optimizer(self.config.optim)
         devices, key = jax.devices(), jax.random.key(train.seed)
         place = _placement(devices)
-        budget_steps = round(train.steps * self.phase.share)
+        share = self.objective.phase.share
+        budget_steps = round(train.steps * share)
         started = clock() - state.elapsed
 
         def used(step: int) -> float:
-            return step / budget_steps if budget_steps else (clock() - started) / (train.seconds * self.phase.share)
+            return step / budget_steps if budget_steps else (clock() - started) / (train.seconds * share)
 
         fresh = state.step == 0
         while (fraction := used(state.step)) < 1.0:
@@ -205,12 +208,12 @@ class _PhaseRun(NamedTuple):
             step_key = jax.random.fold_in(key, (state.phase << 24) + state.step)
             params, moments, scale, measures = train_step(
                 *(state.params, state.optimizer, state.scale, batch, rate, step_key),
-                **{"phase": self.phase, "optimizer": optimizer, "half": half},
+                **{"objective": self.objective, "optimizer": optimizer, "half": half},
             )
             state = state._replace(params=params, optimizer=moments, scale=scale, step=state.step + 1)
             if fresh:  # compilation is not training time
                 jax.block_until_ready(params)
-                validate(params, self.batches[:1], self.phase)
+                validate(params, self.batches[:1], self.objective)
                 started, fresh = clock(), False
             if state.step % LOG_EVERY == 0:
                 self._log(state, float(rate), measures, used(state.step))
@@ -229,12 +232,12 @@ class _PhaseRun(NamedTuple):
             )
         self.log.write(state.phase, state.step, values)
         if self.report:
-            self.report(self.phase.name, min(fraction, 1.0), values)
+            self.report(self.objective.phase.name, min(fraction, 1.0), values)
 
     def _checkpoint(self, state: TrainState, elapsed: float) -> TrainState:
         """Keep the parameters if they are the best so far on the validation shapes (or if there are none); save."""
         if self.batches:
-            values = validate(state.params, self.batches, self.phase)
+            values = validate(state.params, self.batches, self.objective)
             self.log.write(state.phase, state.step, values)
             if values["validation"] < state.best_error:
                 state = state._replace(best=state.params, best_error=values["validation"])

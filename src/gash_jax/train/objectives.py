@@ -1,8 +1,6 @@
-"""What each model minimises, as a list of phases that are trained one after the other.
+"""The phases of a family as functions that the loop can run: output, loss, measures.
 
-The two-stage network (GNN paper, 4.2) first learns visibility by class-balanced BCE, then, with that net fixed,
-coefficients by MSE. `local` learns coefficients by MSE and then, with them fixed, what errors to expect. Every other
-model has one phase. A phase is validated on all validation vertices at once: its loss, and measures that people read.
+A phase is validated on all validation vertices at once: its loss, and measures that people read.
 """
 
 from collections.abc import Callable
@@ -15,36 +13,30 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.measure import metrics
-from gash_jax.models.batches import Batch
-from gash_jax.models.config import ModelConfig, build_model
-from gash_jax.models.losses import Mask, balanced_bce, masked_mean, squared_error
+from gash_jax.models.examples import Batch
+from gash_jax.models.families import build_model, family_of
+from gash_jax.models.phases import Phase
+from gash_jax.nn.config import ModelConfig
 from gash_jax.train.precision import in_half
 
 # (params, batch, dropout key or None) -> output of every vertex
 OutputFn = Callable[[Any, Batch, jax.Array | None], Float[Array, "v m"]]
-# (output, labels, mask) -> loss
-LossFn = Callable[..., Float[Array, ""]]
-# (output, labels, normals) on the host -> measures by name
-MeasureFn = Callable[[np.ndarray, np.ndarray, np.ndarray], dict[str, float]]
 
 
-class Phase(NamedTuple):
-    """`trainable` names the top-level parameters that change (None: all); `share` is the part of the budget.
+class Objective(NamedTuple):
+    """A phase, and how its output is had from a batch."""
 
-    `labels` is the field of the batch that `loss` is held against.
-    """
-
-    name: str
-    share: float
-    trainable: tuple[str, ...] | None
-    labels: str
+    phase: Phase
     output: OutputFn
-    loss: LossFn
-    measure: MeasureFn
 
-    def objective(self, params: Any, batch: Batch, key: jax.Array | None) -> Float[Array, ""]:
-        """The loss of a batch."""
-        return self.loss(self.output(params, batch, key), flat(getattr(batch, self.labels)), flat(batch.weight))
+    def loss(self, params: Any, batch: Batch, key: jax.Array | None) -> Float[Array, ""]:
+        """The loss of a batch, in which vertices count by their weight."""
+        labels = flat(getattr(batch, self.phase.labels))
+        return self.phase.loss(self.output(params, batch, key), labels, flat(batch.weight))
+
+    def measure(self, output: np.ndarray, labels: np.ndarray, normals: np.ndarray) -> dict[str, float]:
+        """Measures by name of what was predicted on the host."""
+        return MEASURES[self.phase.labels](output[:, : labels.shape[1]], labels, normals)
 
 
 def flat(array: Array | np.ndarray) -> Array:
@@ -59,16 +51,16 @@ def _output(module: nn.Module, method: str, half: bool) -> OutputFn:
         shards = len(batch.mask)
         keys = None if key is None else jax.random.split(key, shards) if shards > 1 else key[None]
 
-        def one(graph: Any, key: jax.Array | None) -> Array:
+        def one(inputs: Any, key: jax.Array | None) -> Array:
             # in one block while training: only inference is cut into blocks
             rngs = {} if key is None else {"dropout": key}
-            weights, graph = in_half(params, graph) if half else (params, graph)
-            out = module.apply({"params": weights}, graph, deterministic=key is None, rngs=rngs, method=method)
+            weights, inputs = in_half(params, inputs) if half else (params, inputs)
+            out = module.apply({"params": weights}, inputs, deterministic=key is None, rngs=rngs, method=method)
             return jnp.asarray(out, jnp.float32)
 
         if shards > 1:
-            return flat(jax.vmap(one)(batch.graph, keys))
-        return one(jax.tree.map(lambda leaf: leaf[0], batch.graph), None if keys is None else keys[0])
+            return flat(jax.vmap(one)(batch.inputs, keys))
+        return one(jax.tree.map(lambda leaf: leaf[0], batch.inputs), None if keys is None else keys[0])
 
     return output
 
@@ -87,48 +79,11 @@ def _visibility_measures(output: np.ndarray, labels: np.ndarray, normals: np.nda
     return metrics.visibility_scores(output > 0, labels > 0.5)
 
 
-def _squared(output: Float[Array, "v k"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
-    return squared_error(prediction=output, target=labels, mask=mask)
+# by the labels that a phase is held against
+MEASURES = {"coefficients": _coefficient_measures, "visibility": _visibility_measures}
 
 
-def _balanced(output: Float[Array, "v n"], labels: Float[Array, "v n"], mask: Mask) -> Float[Array, ""]:
-    return balanced_bce(logits=output, labels=labels, mask=mask)
-
-
-def _squared_first(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
-    """MSE of the coefficients that `nn.surfel_net` says first."""
-    return squared_error(prediction=output[:, : labels.shape[1]], target=labels, mask=mask)
-
-
-def _likelihood(output: Float[Array, "v m"], labels: Float[Array, "v k"], mask: Mask) -> Float[Array, ""]:
-    """Of what `nn.surfel_net` says of its own and the closed form's errors: normal ones, in each band, negative log."""
-    k = labels.shape[1]
-    bands = round(k**0.5)
-    raw, exact, doubts = output[:, :k], output[:, k : 2 * k], output[:, 2 * k :]
-    terms = []
-    for estimate, doubt in ((raw, doubts[:, :bands]), (exact, doubts[:, bands:])):
-        square = (estimate - labels) ** 2
-        bandwise = [jnp.mean(square[:, band**2 : (band + 1) ** 2], axis=1) for band in range(bands)]
-        terms.append(doubt + jnp.stack(bandwise, axis=1) * jnp.exp(-doubt))
-    return masked_mean(jnp.concatenate(terms, axis=1), jnp.asarray(mask > 0, labels.dtype))
-
-
-def phases(config: ModelConfig, half: bool = False) -> list[Phase]:
-    """The phases of a model, in order; shares add up to 1. `half`: the networks compute in float16."""
+def objectives(config: ModelConfig, half: bool = False) -> list[Objective]:
+    """What a network is trained for, in order; shares add up to 1. `half`: the networks compute in float16."""
     module = build_model(config)
-
-    def coefficients(share: float, trainable: tuple[str, ...] | None) -> Phase:
-        output = _output(module, "__call__", half)
-        return Phase("coefficients", share, trainable, "coefficients", output, _squared, _coefficient_measures)
-
-    if config.name == "local":
-        output = _output(module, "with_error", half)
-        measure = lambda out, labels, normals: _coefficient_measures(out[:, : labels.shape[1]], labels, normals)  # noqa: E731
-        body = ("surfel", "near", "mix", "head", *(f"hidden_{i}" for i in range(config.layers)))
-        first = Phase("coefficients", 0.9, body, "coefficients", output, _squared_first, measure)
-        return [first, Phase("doubt", 0.1, ("doubt", "error"), "coefficients", output, _likelihood, measure)]
-    if config.name != "two-stage":
-        return [coefficients(1.0, None)]
-    logits = _output(module, "visibility_logits", half)
-    visibility = Phase("visibility", 0.4, ("visibility",), "visibility", logits, _balanced, _visibility_measures)
-    return [visibility, coefficients(0.6, ("coefficient",))]
+    return [Objective(phase, _output(module, phase.method, half)) for phase in family_of(config).phases(config)]

@@ -10,7 +10,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import jraph
 from flax.training.dynamic_scale import DynamicScale
 from jaxtyping import Array, Bool, Float
 
@@ -28,14 +27,14 @@ def initial_scale(half: bool) -> DynamicScale:
     return DynamicScale(scale=jnp.float32(2.0**15 if half else 1.0), fin_steps=jnp.int32(0))  # type: ignore[arg-type]
 
 
-def in_half(params: Any, graph: jraph.GraphsTuple) -> tuple[Any, jraph.GraphsTuple]:
-    """Weights and learnt-from arrays of a graph in float16."""
+def in_half(params: Any, inputs: Any) -> tuple[Any, Any]:
+    """Weights, and of a network's inputs the arrays named in HALVED, in float16."""
 
-    def halved(arrays: dict[str, Array]) -> dict[str, Array]:
-        return {k: jnp.asarray(a, jnp.float16) if k in HALVED else a for k, a in arrays.items()}
+    def halved(path: tuple, leaf: Array) -> Array:
+        return jnp.asarray(leaf, jnp.float16) if getattr(path[-1], "key", None) in HALVED else leaf
 
-    nodes, edges = halved(dict(graph.nodes)), halved(dict(graph.edges))  # type: ignore[call-overload]
-    return jax.tree.map(lambda leaf: leaf.astype(jnp.float16), params), graph._replace(nodes=nodes, edges=edges)
+    weights = jax.tree.map(lambda leaf: leaf.astype(jnp.float16), params)
+    return weights, jax.tree_util.tree_map_with_path(halved, inputs)
 
 
 def scaled_gradients(

@@ -24,7 +24,7 @@ from typing import Any
 
 import jax
 
-from gash_jax.files.strict import ConfigError, from_dict
+from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.models.model import load_model
 from gash_jax.train.config import RunConfig, load_config, shipped_configs
 from gash_jax.train.logs import read_lines

@@ -7,16 +7,18 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.models import blocks
-from gash_jax.models.batches import Example
-from gash_jax.models.blocks import BlockPool, predict_blocks
-from gash_jax.models.config import ModelConfig, build_model
-from gash_jax.models.model_graph import model_graph
-from gash_jax.nn.surfel_net import BLOCK, by_band
+from gash_jax.graph.surfel_selection import BLOCK
+from gash_jax.models import surfel_blocks as blocks
+from gash_jax.models import surfel_inference as inference
+from gash_jax.models.examples import Example
+from gash_jax.models.families import build_model, model_config, model_graph
+from gash_jax.models.surfel_blocks import BlockPool
+from gash_jax.models.surfel_inference import predict_surfels
+from gash_jax.nn.surfel_net import by_band
 from gash_jax.prt.transfer import unshadowed_transfer
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
-CONFIG = ModelConfig("local", channels=8, layers=1, neighbours=12)
+CONFIG = model_config("local", channels=8, layers=1, neighbours=12)
 
 
 def _mesh(count: int, seed: int) -> Mesh:
@@ -38,14 +40,15 @@ EXAMPLES = [_example(count, seed) for seed, count in enumerate((50, 75, 33))]
 
 def test_labels_belong_to_the_nodes_and_every_vertex_counts_once() -> None:
     (batch,) = BlockPool(EXAMPLES).in_order(10_000)
-    mask, labels, nodes = batch.mask[0], batch.coefficients[0], batch.graph.nodes
+    mask, labels = batch.mask[0], batch.coefficients[0]
     names = [tuple(row) for row in labels[mask][:, :2].astype(int)]
     expected = {(1 + s, i) for s, e in enumerate(EXAMPLES) for i in range(len(e.coefficients)) if i != 3}
     assert len(names) == len(set(names)) and set(names) == expected
-    positions: Any = nodes["position"][0]  # type: ignore[index]
+    positions = batch.inputs["position"][0].reshape(-1, 3)
+    np.testing.assert_array_equal(batch.normals[0], batch.inputs["normal"][0].reshape(-1, 3))
     for (shape, index), place in zip(names, positions[mask], strict=True):
         graph: Any = EXAMPLES[shape - 1].graph
-        np.testing.assert_array_equal(place, graph.nodes["position"][graph.globals["slot"][0, index]])
+        np.testing.assert_array_equal(place, graph.blocks["position"].reshape(-1, 3)[graph.slot[index]])
     assert not batch.weight[0][~mask].any() and (batch.weight[0][mask] > 0).all()
 
 
@@ -71,12 +74,12 @@ def test_a_batch_is_a_function_of_seed_and_step_and_not_of_the_devices() -> None
 
 def test_only_area_vectors_are_hidden_or_reversed(monkeypatch: pytest.MonkeyPatch) -> None:
     pool = BlockPool(EXAMPLES)
-    plain = pool.surfels.copy()
+    plain = pool.blocks["surfel"].copy()
     monkeypatch.setattr(blocks, "HIDDEN", 0.5)
     monkeypatch.setattr(blocks, "REVERSED", 0.5)
-    drawn: Any = pool.draw(8 * BLOCK, 0, 0).graph.edges
-    rows = drawn["surfel"][0].reshape(8, 12, -1)
-    np.testing.assert_array_equal(pool.surfels, plain)
+    rows = pool.draw(8 * BLOCK, 0, 0).inputs["surfel"][0]
+    assert rows.shape[:2] == (8, 12)
+    np.testing.assert_array_equal(pool.blocks["surfel"], plain)
     kinds = set()
     for block in rows:
         (match,) = [p for p in plain if np.array_equal(np.delete(p, [3, 4, 5], 1), np.delete(block, [3, 4, 5], 1))]
@@ -91,19 +94,19 @@ def test_only_area_vectors_are_hidden_or_reversed(monkeypatch: pytest.MonkeyPatc
 def test_shapes_that_the_closed_form_serves_well_weigh_more() -> None:
     near, far = EXAMPLES[0], EXAMPLES[1]
     graph: Any = near.graph
-    exact = np.asarray(unshadowed_transfer(graph.nodes["normal"][graph.globals["slot"][0]], 3))
+    exact = np.asarray(unshadowed_transfer(graph.blocks["normal"].reshape(-1, 3)[graph.slot], 3))
     pool = BlockPool([near._replace(coefficients=exact + np.float32(0.01)), far])
     assert pool.weight[0] > 2 * pool.weight[-1] and pool.weight.mean() == pytest.approx(1, rel=1e-5)
 
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_blocks_predict_as_the_whole_does(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "CALLS", (4,))
+    monkeypatch.setattr(inference, "CALLS", (4,))
     module = build_model(CONFIG)
     graph: Any = model_graph(CONFIG, _mesh(150, 7))
-    variables = random_variables(module, graph)
-    whole = np.asarray(jax.jit(module.apply)(variables, graph))[graph.globals["slot"][0]]
-    coefficients, error = predict_blocks(module, variables["params"], graph, 3, workers)
+    variables = random_variables(module, graph.blocks)
+    whole = np.asarray(jax.jit(module.apply)(variables, graph.blocks))[graph.slot]
+    coefficients, error = predict_surfels(module, variables["params"], graph, workers)
     np.testing.assert_allclose(coefficients, whole[:, :9], atol=1e-5)
     np.testing.assert_allclose(error, by_band(jax.numpy.asarray(whole[:, 9:]), 3), atol=1e-5)
     assert not coefficients[3].any() and coefficients.shape == error.shape == (150, 9)
@@ -111,8 +114,8 @@ def test_blocks_predict_as_the_whole_does(workers: int, monkeypatch: pytest.Monk
 
 def test_small_meshes_keep_all_workers_busy() -> None:
     # by hand: 32 blocks for two workers are two calls of 16 (16 + 4), not one padded to 64 (64 + 4)
-    assert blocks.call_size(32, 2) == 16
-    assert blocks.call_size(5, 1) == 8
-    assert blocks.call_size(130, 2) == 64
-    assert blocks.call_size(100000, 2) == blocks.call_size(100000, 1) == 64
-    assert all(size % blocks.GROUP == 0 for size in blocks.CALLS)
+    assert inference.call_size(32, 2) == 16
+    assert inference.call_size(5, 1) == 8
+    assert inference.call_size(130, 2) == 64
+    assert inference.call_size(100000, 2) == inference.call_size(100000, 1) == 64
+    assert all(size % inference.GROUP == 0 for size in inference.CALLS)
