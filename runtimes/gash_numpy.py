@@ -22,6 +22,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+# arrays of the error head by the names that the first files gave them
+OLD_NAMES = {"doubt/kernel": "error_hidden/kernel", "doubt/bias": "error_hidden/bias"}
+OLD_NAMES |= {"error/kernel": "error_head/kernel", "error/bias": "error_head/bias"}
+
 
 class Model(NamedTuple):
     """The "model" table of the metadata, and the arrays by name."""
@@ -40,7 +44,7 @@ def load_model(path: str) -> Model:
         raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
     if metadata.get("format") != "gash-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is not a model file of version 1")
-    return Model(metadata["model"], arrays)
+    return Model(metadata["model"], {OLD_NAMES.get(name, name): array for name, array in arrays.items()})
 
 
 # ---------------------------------------------------------------- spherical harmonics (section "Closed form")
@@ -372,7 +376,7 @@ def importance(
     return found * (records[node, 6] > 0), s <= SMALLEST * r
 
 
-def sight_table(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:
+def select_surfels(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:
     """Rows of `records` that each block (points, normals: (b, 16, 3)) looks at: the finest cut that fits."""
     blocks, middle, axis = len(points), points.mean(axis=1), normals.mean(axis=1)
     radius = np.sqrt(np.mean(np.sum((points - middle[:, None]) ** 2, axis=-1), axis=1))
@@ -534,7 +538,7 @@ def root(distance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sqrt(np.maximum(distance, np.float32(1e-20))))
 
 
-def look(
+def encode(
     a: dict[str, np.ndarray], surfels: np.ndarray, points: np.ndarray, normals: np.ndarray, near: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pooled features, frames, and how much stands above the tangent plane, for blocks of vertices.
@@ -599,25 +603,25 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
         own = blocks[start : start + 256]
         place, facing, seen_from = points[own], normals[own], corners[own]
         near = np.concatenate([points[seen_from] - place[:, :, None], normals[seen_from]], axis=-1)
-        table = sight_table(tree, records, place, facing, config["neighbours"])
-        z, frames, seen = look(a, records[table], place, facing, near)
+        table = select_surfels(tree, records, place, facing, config["neighbours"])
+        z, frames, seen = encode(a, records[table], place, facing, near)
         x = relu(dense(a, "mix", z.reshape(own.size, -1)))
         for i in range(config["layers"]):
             x = x + relu(dense(a, f"hidden_{i}", x))
         gate = (seen / (seen + np.float32(0.01))).reshape(-1, 1)
         residual = rotate_sh(gate * dense(a, "head", x), frames.reshape(-1, 3, 3))
-        doubt = dense(a, "error", np.tanh(dense(a, "doubt", x)))
-        doubt = -14 + 11 / (1 + np.exp(-doubt))
+        log_mse = dense(a, "error_head", np.tanh(dense(a, "error_hidden", x)))
+        log_mse = -14 + 11 / (1 + np.exp(-log_mse))
         # the last block repeats its last vertex, with the same result
-        found = fall_back(residual, doubt, facing.reshape(-1, 3))
+        found = fall_back(residual, log_mse, facing.reshape(-1, 3))
         coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found
     return [coefficients, errors]
 
 
-def fall_back(residual: np.ndarray, doubt: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drawn to the closed form where that is expected to be better; `doubt`: log mean square errors of both."""
-    bands = doubt.shape[1] // 2
-    own, formula = doubt[:, :bands].astype(np.float64), doubt[:, bands:].astype(np.float64)
+def fall_back(residual: np.ndarray, log_mse: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drawn to the closed form where that is expected to be better; `log_mse`: log mean square errors of both."""
+    bands = log_mse.shape[1] // 2
+    own, formula = log_mse[:, :bands].astype(np.float64), log_mse[:, bands:].astype(np.float64)
     trust = np.exp(np.minimum(formula - own, 0))
     error = np.sqrt(trust**2 * np.exp(own) + (1 - trust) ** 2 * np.exp(formula))
     trust, error = (np.repeat(x, 2 * np.arange(bands) + 1, axis=1) for x in (trust, error))
@@ -674,7 +678,7 @@ def predict(
     """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told."""
     config, a = model
     normals = np.asarray(normals, np.float32)
-    name, k = config["name"], config["neighbours"]
+    name, k = config["name"], config.get("neighbours", 0)
     usual = {"rings": "relative", "local": "surfels"}.get(name, "motor")
     if config.get("encoding", usual) != usual:
         raise ValueError(f"{name} with the encoding {config['encoding']}: this file knows {usual} only")
@@ -688,7 +692,7 @@ def predict(
             x = relu(dense(a, f"dense_{i}", x))
         return finished(dense(a, "head", x), normals)
     points, serving = vertices.astype(np.float64), np.flatnonzero(used)
-    table = rings(points, serving, k, seed) if config["graph"] == "rings" else nearest(points, serving, k)
+    table = rings(points, serving, k, seed) if "rings" in (name, config.get("graph")) else nearest(points, serving, k)
     if name == "rings":
         # lengths in units of the surface itself: the bounding box would not turn with the mesh
         scale = bounding_box(vertices, faces)[1]
@@ -717,7 +721,7 @@ def predict_with_error(
     Raises ValueError for a model other than `local`: only that one says so.
     """
     if model.config["name"] != "local":
-        raise ValueError(f"model {model.config['name']} does not predict its error: only surfels does")
+        raise ValueError(f"model {model.config['name']} does not predict its error: only local does")
     coefficients, errors = surfel_net(model, vertices, np.asarray(normals, np.float32), faces)
     return coefficients, errors
 

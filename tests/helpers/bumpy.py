@@ -25,7 +25,7 @@ def bumpy_mesh(count: int, seed: int = 0) -> Mesh:
 def random_variables(module: Any, *inputs: Any, spread: float = 0.3) -> Any:
     """Weights that are random in every layer, without compiling the module's own initialisation."""
     rng = np.random.default_rng(0)
-    shapes = jax.eval_shape(module.init, jax.random.key(0), *inputs)
+    shapes = jax.eval_shape(module.init, jax.random.key(0), *map(network_inputs, inputs))
     return jax.tree.map(lambda leaf: rng.normal(0, spread, leaf.shape).astype(np.float32), shapes)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from gash_jax.graph.batching import batch_graphs, pad_graph
 from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
-from gash_jax.models.families import build_model, model_config
+from gash_jax.models.families import build_model, model_config, model_graph
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 NAMES = ("mlp", "two-stage", "rings")
@@ -29,7 +29,7 @@ def _graph(name: str, count: int = 40, seed: int = 0) -> Any:
     """A graph of a mesh with one vertex that has no normal."""
     mesh = bumpy_mesh(count, seed)
     mesh.normals[7] = 0
-    return build_graph(mesh, SMALL[name].graph, SMALL[name].neighbours)
+    return model_graph(SMALL[name], mesh)
 
 
 @cache

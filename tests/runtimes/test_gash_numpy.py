@@ -17,7 +17,7 @@ from gash_jax.models.model import Model, load_model, save_model, shipped_models
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.shapes.procedural import make_shape
-from tests.helpers.bumpy import bumpy_mesh, random_variables
+from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
 
 ROOT = Path(__file__).parents[2]
 RUNTIME = ROOT / "runtimes" / "gash_numpy.py"
@@ -210,10 +210,10 @@ def _documented() -> dict[str, dict[str, str]]:
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_document_names_every_array_and_its_shape(name: str) -> None:
     config = model_config(name)
-    graph = model_graph(config, bumpy_mesh(30))
+    graph = network_inputs(model_graph(config, bumpy_mesh(30)))
     shapes = jax.eval_shape(build_model(config).init, jax.random.key(0), graph)["params"]
-    values = {"B": config.bands, "C": config.channels, "H": config.heads, "U": config.visibility_channels}
-    values |= {"N": config.visibility_directions}
+    letters = {"B": "bands", "C": "channels", "H": "heads", "U": "visibility_channels", "N": "visibility_directions"}
+    values = {letter: getattr(config, key) for letter, key in letters.items() if hasattr(config, key)}
     documented = {}
     for pattern, shape in _documented()[name].items():
         size = tuple(eval(part, {}, values) for part in shape.strip("()").split(",") if part.strip())

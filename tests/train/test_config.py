@@ -1,12 +1,12 @@
 """Configs: differences from a base, overrides, and errors that name the key."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gash_jax.files.settings import ConfigError, from_dict
-from gash_jax.nn.config import ModelConfig
-from gash_jax.train.config import RunConfig, load_config, shipped_configs
+from gash_jax.files.settings import ConfigError
+from gash_jax.train.config import RunConfig, load_config, run_from_dict, shipped_configs
 
 
 def _write(folder: Path, name: str, text: str) -> Path:
@@ -24,8 +24,9 @@ def test_a_config_is_a_difference_from_its_base(tmp_path: Path) -> None:
 
 def test_dictionary_round_trip() -> None:
     config = RunConfig()
-    assert from_dict(RunConfig, config.to_dict()) == config
-    assert from_dict(ModelConfig, {"name": "two-stage", "dropout": 0}).dropout == 0.0
+    assert run_from_dict(config.to_dict()) == config
+    other: Any = run_from_dict({"model": {"name": "two-stage", "dropout": 0}})
+    assert other.model.dropout == 0.0 and run_from_dict(other.to_dict()) == other
 
 
 @pytest.mark.parametrize("name", [n for n in shipped_configs() if n != "base"])
@@ -42,13 +43,21 @@ def test_shipped_configs_load(name: str) -> None:
         ("[train]\nsteps = true", "'train.steps' must be int"),
         ("train = 3", "'train' must be a table"),
         ("x = ", "not a TOML file"),
+        ("[model]\nheads = 4", "unknown key 'model.heads' in config: known here are name, bands, channels"),
+        ("model = 3", "'model' must be a table"),
+        ("[train]\nsteps = -5", "steps = -5: must be at least 0"),
+        ("[train]\ncheckpoint_every = 0", "checkpoint_every = 0: must be at least 1"),
+        ("[train]\nclock = 'sun'", "one of wall, cpu"),
+        ("[optim]\nlearning_rate = nan", "learning_rate = nan: must be at least 0"),
+        ("[optim]\nwarmup = 1", "warmup = 1.0: must be from 0 to below 1"),
+        ("[data]\nmin_vertices = 9\nmax_vertices = 8", "min_vertices = 9: must be at most max_vertices, 8"),
         ("base = 'absent.toml'", "no such config file"),
         ("base = 'run.toml'", "itself as base"),
         ("[model]\nname = 'transformer-xl'", "transformer-xl"),
         ("[model]\nchanels = 3", "unknown key 'model.chanels'"),
         ("[model]\nbands = '3'", "'model.bands' must be int"),
         ("[model]\nlayers = 1.5", "'model.layers' must be int"),
-        ("[model]\nblock = true", "'model.block' must be int"),
+        ("[model]\nname = 'rings'\nblock = true", "'model.block' must be int"),
     ],
 )
 def test_errors_name_the_key(tmp_path: Path, text: str, message: str) -> None:

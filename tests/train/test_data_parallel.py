@@ -12,12 +12,14 @@ import pytest
 from gash_jax.models.examples import Example, WholeShapes
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.shapes.primitives import bumpy_sphere
-from gash_jax.train.objectives import flat
+from gash_jax.train.objectives import flat, objectives
 from tests.helpers.bumpy import random_variables
 
 SCRIPT = """
 import json, sys
 import jax, numpy as np
+from gash_jax.models.examples import Example
+from gash_jax.models.families import family_of, model_config, model_graph
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
 from gash_jax.train.config import RunConfig, TrainConfig
@@ -31,7 +33,7 @@ for size in (2, 3, 4, 3, 2, 4, 3):
     seen = (rng.random((len(mesh.vertices), 25)) < 0.7).astype(np.float32)
     examples.append(Example(model_graph(config, mesh), labels, seen))
 run = RunConfig(model=config, train=TrainConfig(steps=6, batch_vertices=SIZE, checkpoint_every=100))
-batch = train._placement(jax.devices())(make_sampler(config, examples)(SIZE, 0, 0, len(jax.devices())))
+batch = train._placement(jax.devices())(family_of(config).batches(examples).draw(SIZE, 0, 0, len(jax.devices())))
 devices = {s.device for s in batch.coefficients.addressable_shards} if len(jax.devices()) > 1 else {0}
 path = train.train_model(run, examples, examples[:1], sys.argv[2])
 lines = [json.loads(line) for line in open(sys.argv[2] + "/metrics.jsonl")]
@@ -100,4 +102,4 @@ def test_shards_hold_the_same_shapes_and_weigh_vertices_not_shards() -> None:
 
 def test_too_few_shapes_for_the_devices_are_refused() -> None:
     with pytest.raises(ValueError, match="raise train.batch_vertices"):
-        draw_batch(_examples()[:2], 2000, 0, 0, 4)
+        WholeShapes(_examples()[:2]).draw(2000, 0, 0, 4)

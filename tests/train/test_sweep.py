@@ -50,9 +50,9 @@ def test_a_changed_sweep_keeps_what_still_belongs_to_it(tmp_path: Path) -> None:
 
 
 def test_a_config_beside_the_sweep(tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text('name = "mine"\n[model]\nname = "mlp"\n')
+    (tmp_path / "mine.toml").write_text('name = "mine"\n[model]\nname = "two-stage"\nheads = 2\n')
     _, runs = load_sweep(_write(tmp_path, SPEC.replace('"two-stage"', '"mine.toml"')))
-    assert runs[0].config.model.name == "mlp"
+    assert runs[0].config.model.to_dict()["heads"] == 2
 
 
 @pytest.mark.parametrize(
