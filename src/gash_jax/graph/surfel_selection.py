@@ -1,22 +1,25 @@
-"""Which surfels a block of vertices looks at: a cut through the surfel tree, as fine as a fixed number allows.
+"""Which surfels a block of vertices is shown: large or far ones as a whole, near ones in their parts.
 
-Vertices are sorted along the same curve as the leaves and taken in blocks of BLOCK, which share one list of `count`
-surfels. A surfel is opened into its children while it is important: large for its distance, with a part that may
-stand above the tangent planes of the block. With s its size, d its distance and r the radius of the block,
+Vertices are sorted along the same space-filling curve as the leaves of the tree and taken in blocks of BLOCK; a block
+shares one list of `count` surfels. The list is a cut through the tree: it starts at the top, and a surfel is replaced
+by its children while its *importance* for the block is above a threshold. With s the surfel's size, d its distance from
+the block's middle, r the block's radius and n its mean normal,
 
-    importance = s² / (d² + r² + s²) * min((c + sqrt(c² + (sigma / 2)²)) / 2, 1)
-    c          = (n . offset + 1.5 s + 0.3 r) / (d + r)
+    importance = s² / (d² + r² + s²) * min(h, 1)         how much of the view it fills, times how high it stands
+    h          = (c + sqrt(c² + (sigma / 2)²)) / 2        c if c is large, near 0 if c is below the horizon
+    c          = (n . offset + 1.5 s + 0.3 r) / (d + r)   cosine between n and the surfel's upper end
 
-c is the cosine to the block's mean normal n at which its upper end stands; the root is c where it is large, and takes
-off softly below the horizon as far as the block's normals differ (sigma: sine of their spread). A surfel is not opened
-below SMALLEST r: within the block finer ones would serve some of its vertices only. Of the steps of importance in
-LADDER each block takes the finest at which its list still fits: it is coarser where there is more to see, and cut off
-only where even the coarsest list is too long. What is below NEGLIGIBLE of the step is left out: every place that such a
-surfel takes, about or below the horizon, makes the others coarser. On a convex body little is left. All of it is
-relative: nothing changes when the mesh is moved, turned (up to ties) or scaled.
+where sigma, the sine of the spread of the block's normals, softens the horizon: some vertices of the block see a little
+below that of the mean normal. Surfels smaller than SMALLEST r stay whole, as their children would serve single
+vertices.
 
-The steps are those float32 at which the bits of the mantissa below the third are 0, eight to an octave: which of them
-an importance lies between is an addition and a shift of its bits, where a search took a fifth of all time.
+The threshold is chosen block by block: the lowest in LADDER at which the list has room. A block with more around it
+gets coarser surfels; only if even the highest threshold gives too many are the least important cut off. Surfels below
+NEGLIGIBLE times the threshold are left out, since every place they take makes the others coarser. Around a convex body
+little is left. Importance is a ratio of lengths: moving, turning (up to ties) or scaling the mesh changes nothing.
+
+LADDER has eight thresholds an octave, the float32 whose mantissa is 0 after its first three bits. Finding the one below
+an importance is then an addition and a shift of its bits; a search took a fifth of all time.
 """
 
 import numpy as np

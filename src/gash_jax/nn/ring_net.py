@@ -1,8 +1,11 @@
 """A small network that sees each vertex's surroundings from the vertex's own frame, and predicts only the shadow.
 
-Input are the relative edge features of `graph.encoding` (16 numbers, or with the encoding "relative-motor" 8), which do
-not change when the mesh is moved, turned or scaled; there are no absolute coordinates. With an encoding of vertices
-(`nn.inputs`), which is there to be compared, what is said of an edge is what is said of its two ends. Output is the
+What it reads are features of edges, measured in the frame of the receiving vertex: "relative", the 16 numbers of
+`graph.encodings`, or "relative-motor", 8 numbers. Both stay the same when the mesh is moved, turned or scaled; absolute
+coordinates do not enter. For comparison it can read an encoding of vertices instead (`nn.inputs`): an edge then has the
+numbers of its two ends.
+
+Output is the
 residual to the closed form, as coefficients in the frame F_v, turned into the world:
 
     t(v) = A_l/pi Y(n_v) + D(F_v) r(v)        so t turns with the mesh exactly as transfer does

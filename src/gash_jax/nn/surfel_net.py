@@ -1,30 +1,40 @@
-"""Transfer from what a vertex sees of a tree of surfels, as a residual to the closed form.
+"""The network that ships as `local`: transfer from a list of surfels, as a residual to the unshadowed closed form.
 
 Vertices come in blocks b of w, which share a list of n surfels (`graph.surfel_graph`); the network reads
 
     position, normal (b, w, 3)    near (b, w, m * 6)    surfel (b, n, 20)
 
-A vertex is told of the surfels of its block and of the m corners of its own faces ("near": offset and normal of each).
-A surfel of area A at offset o = d u covers the solid angle w = a / (a + d²), with a the smaller of A
-and its projected area; what stands above the tangent plane counts by its cosine c = max(n . u, 0). With f the features
-of a pair in the frame F of the vertex, h = ReLU(W f + b), and g the same of the near corners:
+where "near" are offset and normal of m corners of the vertex's own faces.
 
-    z = [sum_j w c h, sum_j w clip(n . u + r, 0, 1) h, mean g, max g, sum_j w c, max_j w c, (mean edge)^1/4]
-    r(v) = gate MLP(z),    gate = s / (s + GATE),   s = sum_j w c + mean_near max(n . u, 0)
-    t(v) = A_l/pi Y(n) + D(F) r(v)
+*Pairs.* For every pair of a vertex with normal n and a surfel of area A at offset d u (u of unit length):
 
-Sums over surfels weighted by solid angle do not change when a surfel is replaced by its parts, so the tree may be cut
-anywhere. On a convex body nothing stands above any tangent plane (by more than rounding): s = 0, and the prediction is
-the closed form.
+    a = min(A, projected area along u)      the part of the surfel that faces the vertex
+    w = a / (a + d²)                        about the solid angle it covers, between 0 and 1
+    c = max(n . u, 0)                       cosine to the normal; 0 below the tangent plane
+    h = ReLU(W f + b)                       f: features of the pair in the frame F of the vertex
 
-F has the normal as third column; its twist is fixed by the tangential part of sum_j w c u, the direction in which
-most is hidden (by all surfels where that vanishes, by the near corners where there are none; arbitrary where all
-vanish, as at the pole of a body of revolution, where of the exact transfer too only the terms of order 0 survive).
-Nothing absolute enters, so the prediction turns with the mesh.
+and g, the same for the near corners.
 
-Beside the coefficients the network predicts, per band, the mean square error of itself and that of the closed form,
-from z; they are learnt after it. Where it expects to be worse than the closed form it falls back in that proportion.
-"""
+*Pooling.* With r the surfel's extent along n over d, clip(n . u + r, 0, 1) also counts surfels that only reach above
+the tangent plane:
+
+    z    = [sum_j w c h, sum_j w clip(n . u + r, 0, 1) h, mean g, max g, sum_j w c, max_j w c, (mean edge length)^1/4]
+    s    = sum_j w c + mean over corners of max(n . u, 0)       how much stands above the tangent plane
+    r(v) = s / (s + GATE) MLP(z)                                 residual in the frame of the vertex
+    t(v) = A_l/pi Y(n) + D(F) r(v)                               prediction in the world
+
+A surfel and its children together cover the same solid angle, so the sums are about the same whichever of them a list
+holds. On a convex body nothing stands above a tangent plane (by more than rounding): s = 0, and the prediction is the
+closed form.
+
+*Frame.* The third column of F is the normal. The first is the tangential part of sum_j w c u, the direction in which
+most is hidden; where that vanishes all surfels decide, then the near corners, then `orthonormal_frame`. The last case
+is that of a pole of a body of revolution, where only the terms of order m = 0 of the exact transfer differ from 0, and
+the twist does not matter. Nothing absolute enters: the prediction turns with the mesh.
+
+*Errors.* After its coefficients the network learns to predict, per band, the mean square error of itself and that of
+the closed form, from the same z. Where it expects to be worse than the closed form, it is drawn towards it
+(`fall_back`)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
