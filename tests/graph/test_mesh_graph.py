@@ -13,7 +13,6 @@ from gash_jax.graph.mesh_graph import (
     edgeless_graph,
     knn_graph,
     mesh_edge_graph,
-    radius_graph,
     rings_graph,
     surface_radius,
     with_frames,
@@ -26,7 +25,6 @@ BUILDERS: dict[str, Any] = {
     "knn": lambda mesh: knn_graph(mesh, 5),
     "rings": rings_graph,
     "mesh": mesh_edge_graph,
-    "radius": lambda mesh: radius_graph(mesh, 0.3),
     "none": edgeless_graph,
 }
 
@@ -74,7 +72,7 @@ def test_positions_fill_the_unit_ball_in_order(bumpy: Mesh) -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-@pytest.mark.parametrize("kind", ["knn", "rings", "mesh", "radius"])
+@pytest.mark.parametrize("kind", ["knn", "rings", "mesh"])
 def test_unit_and_origin_never_reach_the_network(bumpy: Mesh, kind: str, scale: float) -> None:
     moved = transform(bumpy, None, np.array([1.0, -2.0, 3.0]) * scale, scale)
     graph, other = BUILDERS[kind](bumpy), BUILDERS[kind](moved)
@@ -82,13 +80,6 @@ def test_unit_and_origin_never_reach_the_network(bumpy: Mesh, kind: str, scale: 
     assert same == 1
     for name in ("motor", "position", "normal"):
         np.testing.assert_allclose(other.nodes[name], graph.nodes[name], atol=2e-6)
-
-
-def test_radius_is_in_units_of_the_scale(bumpy: Mesh) -> None:
-    graph: Any = radius_graph(bumpy, 0.25)
-    positions = graph.nodes["position"]
-    length = np.linalg.norm(positions[graph.senders] - positions[graph.receivers], axis=1)
-    assert 0.24 < length.max() <= 0.25 + 1e-6
 
 
 def test_loose_vertices_send_nothing_and_stay_in_bounds(bumpy: Mesh) -> None:

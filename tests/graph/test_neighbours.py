@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gash_jax.graph.neighbours import knn, mesh_edges, radius_edges, rings
+from gash_jax.graph.neighbours import knn, mesh_edges, rings
 
 SEEDS = st.integers(0, 2**31)
 
@@ -61,20 +61,6 @@ def test_only_valid_points_serve() -> None:
     for table in (knn(points, 9, valid), rings(points, 0, valid=valid)):
         assert valid[table].all()
         assert not np.any(table[valid] == np.flatnonzero(valid)[:, None])
-    senders, receivers = radius_edges(points, 1.0, valid)
-    assert len(senders) and valid[senders].all() and valid[receivers].all()
-
-
-@settings(max_examples=20, deadline=None)
-@given(SEEDS, st.floats(0.05, 3.0))
-def test_radius_edges_are_brute_force_sorted_by_receiver(seed: int, radius: float) -> None:
-    points = _points(seed, 30)
-    near = _distances(points) <= radius
-    np.fill_diagonal(near, False)
-    receivers, senders = np.nonzero(near)
-    found = radius_edges(points, radius)
-    np.testing.assert_array_equal(found[0], senders)
-    np.testing.assert_array_equal(found[1], receivers)
 
 
 def test_mesh_edges_by_hand() -> None:
@@ -152,8 +138,6 @@ def test_rings_take_no_python_loop_over_vertices() -> None:
     ("call", "words"),
     [
         (lambda points: knn(points, 0), "at least 1"),
-        (lambda points: radius_edges(points, -1.0), "positive"),
-        (lambda points: radius_edges(points, float("nan")), "positive"),
         (lambda points: rings(points, 0, (4, None)), "every ring"),
         (lambda points: mesh_edges(np.array([[0, 1, 9]], np.int32), 5), "vertex 9 of 5"),
     ],

@@ -19,7 +19,7 @@ from jaxtyping import Int
 
 from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas, referenced
 from gash_jax.graph.encodings import frame_motors, motor_nodes, relative_edges, relative_motors, vertex_frames
-from gash_jax.graph.neighbours import RING_DRAWS, RING_SHARES, knn, mesh_edges, radius_edges, rings
+from gash_jax.graph.neighbours import RING_DRAWS, RING_SHARES, knn, mesh_edges, rings
 
 Graph = jraph.GraphsTuple
 
@@ -97,12 +97,6 @@ def with_relative_motors(graph: Graph, mesh: Mesh) -> Graph:
 def knn_graph(mesh: Mesh, k: int = 16) -> Graph:
     """Edges from the k nearest vertices to each vertex (the GNN paper's graph); e = v * k."""
     return _table_graph(mesh, knn(mesh.vertices, k, referenced(mesh)))
-
-
-def radius_graph(mesh: Mesh, radius: float) -> Graph:
-    """Edges between vertices at most `radius` apart, in units of the graph's scale; ragged."""
-    _, scale = center_and_scale(mesh)
-    return _graph(mesh, *radius_edges(mesh.vertices, radius * float(scale), referenced(mesh)))
 
 
 def mesh_edge_graph(mesh: Mesh) -> Graph:

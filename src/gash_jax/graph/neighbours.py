@@ -58,17 +58,6 @@ def knn(points: Float[np.ndarray, "v 3"], k: int, valid: Bool[np.ndarray, "v"] |
     return _nearest(np.asarray(points, np.float64), _serving(points, valid), k)
 
 
-def radius_edges(
-    points: Float[np.ndarray, "v 3"], r: float, valid: Bool[np.ndarray, "v"] | None = None
-) -> tuple[Int[np.ndarray, "e"], Int[np.ndarray, "e"]]:
-    """All edges between valid points at most r apart, both directions. Raises ValueError unless 0 < r < inf."""
-    if not 0 < r < np.inf:
-        raise ValueError(f"radius {r}: must be positive and finite")
-    serving = _serving(points, valid)
-    pairs = serving[KDTree(np.asarray(points, np.float64)[serving]).query_pairs(r, output_type="ndarray")]
-    return _both_directions(pairs)
-
-
 def mesh_edges(faces: Int[np.ndarray, "f 3"], n_vertices: int) -> tuple[Int[np.ndarray, "e"], Int[np.ndarray, "e"]]:
     """The mesh's own edges, both directions. Raises ValueError if a face names a vertex beyond n_vertices."""
     if faces.size and faces.max() >= n_vertices:

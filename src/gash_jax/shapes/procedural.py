@@ -101,7 +101,6 @@ RECIPES: dict[str, Recipe] = {
     "scene": scene,
 }
 SHAPE_KINDS = tuple(RECIPES)
-OPEN_KINDS = ("vessel", "sheet", "scene")  # may have boundary edges; every other kind is closed
 # without long flat fans and sharp rims, which moving vertices would tear
 SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
