@@ -62,3 +62,15 @@ def test_only_surfels_has_such_a_path() -> None:
     config = model_config("mlp", channels=8, layers=1)
     with pytest.raises(ValueError, match="use local"):
         deforming_predictor(Model(config, {}), MESH)
+
+
+def test_gradients_by_positions_are_finite_and_those_of_differences(model: Model) -> None:
+    """Empty surfels fill the levels of the tree; they have no size, and a root has no slope there."""
+    frame, place = deforming_predictor(model, MESH), jnp.asarray(MESH.vertices)
+    loss = jax.jit(jax.value_and_grad(lambda p: jnp.sum(frame(p)[0] ** 2)))
+    gradient = np.asarray(loss(place)[1])
+    assert np.isfinite(gradient).all()
+    # along a smooth motion; steps of 1e-3 meet too many kinks (maxima, horizons), of 1e-5 rounding
+    motion, step = jnp.asarray(np.sin(3 * MESH.vertices[:, [1, 2, 0]])), 5e-5
+    slope = float(loss(place + step * motion)[0] - loss(place - step * motion)[0]) / (2 * step)
+    assert slope == pytest.approx(float(np.sum(gradient * np.asarray(motion))), rel=0.05)

@@ -178,7 +178,7 @@ def surfel_records(
     u, v = ([e[a][i] - e[0][i] for i in range(3)] for a in (1, 2))
     cross = [u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] for i in range(3)]
     vector = [0.5 * real * c for c in cross]
-    area = xp.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    area = _root(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2, xp)
     spread = [sum(e[a][i] * e[a][j] for a in range(3)) / 12 for i, j in PAIRS]
     level = [*center, *vector, area, *spread]
     levels = [level]
@@ -190,7 +190,7 @@ def surfel_records(
     xx, yy, zz, xy, xz, yz = spread
     adjugate = [yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy]
     adjugate += [xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz]
-    size = xp.sqrt(xp.maximum(xx + yy + zz, 0))
+    size = _root(xx + yy + zz, xp)
     return xp.stack([*columns[:7], size, *adjugate, *spread], axis=1)
 
 
@@ -209,6 +209,11 @@ def _parents(level: list[Any], size: int, xp: ModuleType) -> list[Any]:
     missing = size - len(total)
     columns = [*center, *vector, total, *spread]
     return [xp.concatenate([c, xp.zeros(missing, np.float32)]) for c in columns] if missing else columns
+
+
+def _root(x: Any, xp: ModuleType) -> Any:
+    """The square root of what is not negative, with gradient 0 instead of infinity at 0."""
+    return xp.where(x > 0, xp.sqrt(xp.where(x > 0, x, 1)), 0)
 
 
 def _over_family(x: Any) -> Any:
