@@ -1,5 +1,6 @@
 """Configs: differences from a base, overrides, and errors that name the key."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,8 @@ def test_shipped_configs_load(name: str) -> None:
         ("x = ", "not a TOML file"),
         ("[model]\nheads = 4", "unknown key 'model.heads' in config: known here are name, bands, channels"),
         ("model = 3", "'model' must be a table"),
+        ("[model]\nname = 'two-stag'", "did you mean 'two-stage'"),
+        ("[train]\nsecods = 3", "unknown key 'train.secods' in config, did you mean 'seconds'"),
         ("[train]\nsteps = -5", "steps = -5: must be at least 0"),
         ("[train]\ncheckpoint_every = 0", "checkpoint_every = 0: must be at least 1"),
         ("[train]\nclock = 'sun'", "one of wall, cpu"),
@@ -68,3 +71,15 @@ def test_errors_name_the_key(tmp_path: Path, text: str, message: str) -> None:
 def test_overrides_must_be_assignments(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="key=value"):
         load_config(_write(tmp_path, "run.toml", ""), ["steps"])
+
+
+def test_a_runs_own_config_is_a_config(tmp_path: Path) -> None:
+    config = load_config("two-stage", ["train.steps=3"])
+    path = _write(tmp_path, "config.json", json.dumps(config.to_dict()))
+    assert load_config(path) == config and load_config(path, ["train.steps=4"]).train.steps == 4
+    with pytest.raises(ConfigError, match="not a JSON file"):
+        load_config(_write(tmp_path, "cut.json", "{"))
+    with pytest.raises(ConfigError, match="must be a table"):
+        load_config(_write(tmp_path, "list.json", "[]"))
+    with pytest.raises(ConfigError, match="did you mean 'two-stage'"):
+        load_config("two-stge")

@@ -75,3 +75,12 @@ def test_a_new_run_starts_empty(tmp_path: Path, phase: int) -> None:
     with MetricsLog(tmp_path, PHASES):
         pass
     assert read_lines(tmp_path) == []
+
+
+def test_damaged_lines_are_left_out(tmp_path: Path) -> None:
+    lines = ['{"phase": "visibility", "step": 1}', '{"step": 2}', "[1]", '{"phase": "visi', '{"phase": 3, "step": 4}']
+    (tmp_path / LINES).write_text("\n".join([*lines, '{"phase": "other", "step": 5}']))
+    assert [line["step"] for line in read_lines(tmp_path)] == [1, 5]
+    with MetricsLog(tmp_path, PHASES, 1, 0):
+        pass
+    assert [line["step"] for line in read_lines(tmp_path)] == [1]

@@ -133,3 +133,22 @@ def test_the_first_phase_leaves_the_second_net_alone(items) -> None:
 def test_model_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no model"):
         load_model(tmp_path / "absent.npz")
+
+
+def test_a_finished_run_goes_on_when_its_budget_is_raised(items, tmp_path: Path) -> None:
+    training, validation = _examples(items, "mlp")
+    short, long = _config("mlp", 6), _config("mlp", 12)
+    train.train_model(short, training, validation, tmp_path)
+    path = train.train_model(long, training, validation, tmp_path)
+    assert load_model(path).metadata["run"]["train"]["steps"] == 12
+    steps = [json.loads(line)["step"] for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert steps[-1] == 12 and steps == sorted(steps)
+
+
+def test_training_starts_from_given_weights(items, tmp_path: Path) -> None:
+    training, validation = _examples(items, "mlp")
+    first = load_model(train.train_model(_config("mlp", 30), training, validation, tmp_path / "first"))
+    again = train.train_model(_config("mlp", 1), training, validation, tmp_path / "again", start=first.params)
+    fresh = train.train_model(_config("mlp", 1), training, validation, tmp_path / "fresh")
+    errors = {name: load_model(path).metadata["validation"] for name, path in (("again", again), ("fresh", fresh))}
+    assert errors["again"] < 0.7 * errors["fresh"]

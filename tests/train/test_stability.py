@@ -211,6 +211,6 @@ def test_a_loss_that_is_not_finite_stops_with_one_line(tmp_path, monkeypatch: py
         train=TrainConfig(steps=40, batch_vertices=len(MESH.vertices) + 5, checkpoint_every=1),
     )
     example = _example(config=run.model)
-    with pytest.raises(FloatingPointError, match="lower optim.learning_rate") as caught:
+    with pytest.raises(train.DivergenceError, match="lower optim.learning_rate") as caught:
         train.train_model(replace(run), [example], [example], tmp_path)
     assert "\n" not in str(caught.value) and (tmp_path / "checkpoint").is_dir()

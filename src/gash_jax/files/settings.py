@@ -3,8 +3,9 @@
 An unknown key, a wrong type, a value out of its range is a ConfigError that names the key and what would be valid.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
+from difflib import get_close_matches
 from math import isfinite
 from typing import Any, TypeVar, get_type_hints
 
@@ -59,6 +60,12 @@ def check_settings(config: Any) -> None:
             raise ValueError(f"{entry.name} = {value!r}: must be {allowed_values(limits) or 'a finite number'}")
 
 
+def near_names(name: str, known: Iterable[str]) -> str:
+    """ ", did you mean ...?" where one of the known names is close to the one that was written, else ""."""
+    near = get_close_matches(name, list(known), 1, 0.7)
+    return f", did you mean {near[0]!r}?" if near else ""
+
+
 def from_dict(cls: type[T], values: Mapping[str, Any], where: str = "") -> T:
     """Build a (nested) config dataclass; raises ConfigError on unknown keys, wrong types or invalid values.
 
@@ -70,7 +77,8 @@ def from_dict(cls: type[T], values: Mapping[str, Any], where: str = "") -> T:
     for key, value in values.items():
         name = f"{where}{key}"
         if key not in known:
-            raise ConfigError(f"unknown key {name!r} in config: known here are {', '.join(known)}")
+            near = near_names(key, known)
+            raise ConfigError(f"unknown key {name!r} in config{near}: known here are {', '.join(known)}")
         kind = hints[key]
         if is_dataclass(kind):
             if isinstance(value, Mapping):

@@ -15,7 +15,7 @@ import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Bool, Float
 
-from gash_jax.files.settings import ConfigError, from_dict
+from gash_jax.files.settings import ConfigError, from_dict, near_names
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import Graph, build_graph, edgeless_graph
 from gash_jax.graph.surfel_graph import SurfelGraph, surfel_graph
@@ -110,7 +110,8 @@ def config_from_dict(values: Mapping[str, Any]) -> ModelConfig:
     """A config from the table `model` of a run, which is "local" unless it has a name. Raises ConfigError."""
     name = values.get("name", "local")
     if name not in FAMILIES:
-        raise ConfigError(f"unknown model {name!r}: known are {', '.join(FAMILIES)}")
+        near = near_names(str(name), FAMILIES)
+        raise ConfigError(f"unknown model {name!r}{near}: known are {', '.join(FAMILIES)}")
     return from_dict(FAMILIES[name].config, {"name": name, **values}, "model.")
 
 

@@ -10,6 +10,7 @@ Tables are `model` (the config of its family: `models.families`), `data`, `optim
 and values out of range are errors. The resolved config is saved beside the run and inside every model file.
 """
 
+import json
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -17,14 +18,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from gash_jax.files.settings import ConfigError, check_settings, from_dict, setting
+from gash_jax.files.settings import ConfigError, check_settings, from_dict, near_names, setting
 from gash_jax.models.families import config_from_dict, model_config
 from gash_jax.nn.config import ModelConfig
 
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Procedural corpus: the first `validation_shapes` shapes validate, the following `shapes` train."""
+    """Procedural corpus: the first `validation_shapes` shapes validate, the following `shapes` train.
+
+    A folder of meshes takes the place of either; its labels are baked with as many rays.
+    """
 
     shapes: int = setting(96, "shapes to train on", least=1)
     validation_shapes: int = setting(8, "shapes to validate on", least=0)
@@ -32,6 +36,8 @@ class DataConfig:
     rays: int = setting(256, "rays per vertex of the labels", least=1, most=1 << 20)
     min_vertices: int = setting(600, "vertices of the smallest shapes", least=4)
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
+    folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
+    validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -68,6 +74,7 @@ class TrainConfig:
     seed: int = setting(0, "seed of parameters, batches and dropout", least=0)
     precision: str = setting("float32", "what networks compute in", choices=("float32", "float16", "auto"))
     teacher: str = setting("", "a model whose predictions are learnt instead of the baked labels: shipped name or file")
+    start_from: str = setting("", "a model whose weights training starts from: shipped name or file")
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -98,13 +105,17 @@ def _merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     if not path.is_file():
-        raise ConfigError(f"no such config file: {path}")
+        near = near_names(path.name, shipped_configs())
+        raise ConfigError(f"no such config file: {path}{near or ', and no config of that name ships'}")
     if path.resolve() in seen:
         raise ConfigError(f"config {path} has itself as base")
+    parse, kind = (json.loads, "JSON") if path.suffix == ".json" else (tomllib.loads, "TOML")
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not a TOML file: {' '.join(str(error).split())}") from None
+        values = parse(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:  # both parsers' errors, and text that is not UTF-8
+        raise ConfigError(f"{path} is not a {kind} file: {' '.join(str(error).split())}") from None
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path} is not a config: it must be a table")
     base = values.pop("base", None)
     return _merge(_read(path.parent / base, (*seen, path.resolve())), values) if base else values
 
@@ -131,7 +142,7 @@ def shipped_configs() -> dict[str, Path]:
 
 
 def load_config(name: str | Path, overrides: Iterable[str] = ()) -> RunConfig:
-    """Read a config file (or a shipped config by name) with its bases, then apply `key=value` overrides.
+    """Read a config (.toml, a run's config.json, a shipped name) with its bases, then apply `key=value` overrides.
 
     Keys of overrides are dotted, as in train.seconds=60. Raises ConfigError.
     """

@@ -21,6 +21,8 @@ class MetricsLog:
         self._path, self._first = folder / LINES, {}
         kept = []
         for line in read_lines(folder):
+            if line["phase"] not in names:
+                continue
             number = names.index(line["phase"])
             if (number, line["step"]) <= (phase, step):
                 kept.append(line)
@@ -50,12 +52,14 @@ class MetricsLog:
 
 
 def read_lines(folder: Path) -> list[dict[str, Any]]:
-    """The logged lines of a run, oldest first; a line that an interruption cut is left out."""
+    """The logged lines of a run, oldest first; a line that an interruption cut, or that is damaged, is left out."""
     path = folder / LINES
     lines = []
     for text in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
-            lines.append(json.loads(text))
+            line = json.loads(text)
         except json.JSONDecodeError:
             continue
+        if isinstance(line, dict) and isinstance(line.get("phase"), str) and isinstance(line.get("step"), int):
+            lines.append(line)
     return lines

@@ -9,6 +9,7 @@ batch is spread over them, whole shapes on each (data parallel through `jax.shar
 import json
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,7 +29,7 @@ from gash_jax.models.examples import Batch, Example
 from gash_jax.models.families import build_model, family_of
 from gash_jax.models.model import save_model
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint, save_checkpoint
-from gash_jax.train.config import OptimConfig, RunConfig, TrainConfig
+from gash_jax.train.config import OptimConfig, RunConfig, TrainConfig, load_config
 from gash_jax.train.logs import MetricsLog
 from gash_jax.train.objectives import Objective, flat, objectives
 from gash_jax.train.precision import computes_in_half, initial_scale, scaled_gradients
@@ -37,6 +38,10 @@ LOG_EVERY = 10
 
 # (phase name, fraction of the phase done, measures of the last logged step)
 ReportFn = Callable[[str, float, dict[str, float]], None]
+
+
+class DivergenceError(ValueError):
+    """The loss of a run is no number any more; the message says what to change."""
 
 
 class TrainState(NamedTuple):
@@ -130,11 +135,16 @@ def initial_state(config: RunConfig, example: Batch) -> TrainState:
 
 
 def _open_folder(folder: Path, config: RunConfig) -> None:
+    """Make the run's folder; a run that is there already must have the same config, but for its budget."""
     folder.mkdir(parents=True, exist_ok=True)
-    saved, resolved = folder / "config.json", json.dumps(config.to_dict(), indent=1)
-    if saved.exists() and saved.read_text() != resolved:
+    saved = folder / "config.json"
+    if saved.exists() and _without_budget(load_config(saved)) != _without_budget(config):
         raise ConfigError(f"{folder} holds a run with another config: choose another output folder, or delete it")
-    write_text(saved, resolved)
+    write_text(saved, json.dumps(config.to_dict(), indent=1))
+
+
+def _without_budget(config: RunConfig) -> RunConfig:
+    return replace(config, train=replace(config.train, steps=0, seconds=0.0))
 
 
 def train_model(
@@ -143,10 +153,14 @@ def train_model(
     validation: Sequence[Example],
     folder: str | Path,
     report: ReportFn | None = None,
+    notify: Callable[[str], None] = lambda text: None,
+    start: Any = None,
 ) -> Path:
     """Train (or continue) the run in `folder` and return the path of its model file.
 
-    Raises ConfigError if the folder holds a run of another config, FloatingPointError where the loss is not finite.
+    `start` are parameters to begin with instead of random ones. A finished run goes on if its budget was raised.
+    `notify` gets what a user should know. Raises ConfigError if the folder holds a run of another config or no whole
+    checkpoint, DivergenceError where the loss is not finite.
     """
     folder = Path(folder)
     _open_folder(folder, config)
@@ -154,8 +168,12 @@ def train_model(
     batches = put_together(validation).in_order(config.train.batch_vertices) if validation else []
     draw = put_together(training).draw
     state = initial_state(config, draw(config.train.batch_vertices, config.train.seed, 0, 1))
+    if start is not None:
+        state = state._replace(params=start, best=start)
     if has_checkpoint(folder):
-        state = restore_checkpoint(folder, state)
+        state, note = restore_checkpoint(folder, state)
+        if note:
+            notify(note)
     plan = objectives(config.model, computes_in_half(config.train.precision))
     with MetricsLog(folder, [objective.phase.name for objective in plan], int(state.phase), int(state.step)) as log:
         while state.phase < len(plan):
@@ -195,12 +213,11 @@ class _PhaseRun(NamedTuple):
         place = _placement(devices)
         share = self.objective.phase.share
         budget_steps = round(train.steps * share)
-        started = clock() - state.elapsed
+        started, first = clock() - state.elapsed, True
 
         def used(step: int) -> float:
             return step / budget_steps if budget_steps else (clock() - started) / (train.seconds * share)
 
-        fresh = state.step == 0
         while (fraction := used(state.step)) < 1.0:
             rate = jnp.float32(learning_rate(self.config.optim, fraction))
             seed = train.seed + 1 + state.phase
@@ -211,10 +228,10 @@ class _PhaseRun(NamedTuple):
                 **{"objective": self.objective, "optimizer": optimizer, "half": half},
             )
             state = state._replace(params=params, optimizer=moments, scale=scale, step=state.step + 1)
-            if fresh:  # compilation is not training time
+            if first:  # compilation is not training time, neither at the beginning nor after an interruption
                 jax.block_until_ready(params)
                 validate(params, self.batches[:1], self.objective)
-                started, fresh = clock(), False
+                started, first = clock() - state.elapsed, False
             if state.step % LOG_EVERY == 0:
                 self._log(state, float(rate), measures, used(state.step))
             if state.step % train.checkpoint_every == 0:
@@ -227,7 +244,7 @@ class _PhaseRun(NamedTuple):
         values = {"rate": rate, **{name: float(value) for name, value in measures.items()}}
         # in half precision a step may overflow, is skipped, and halves the scale: only a vanished scale is a failure
         if not np.isfinite(values["loss"]) and values.get("scale", 0.0) < 1.0:
-            raise FloatingPointError(
+            raise DivergenceError(
                 f"the loss is {values['loss']} at step {state.step}: lower optim.learning_rate and start again"
             )
         self.log.write(state.phase, state.step, values)

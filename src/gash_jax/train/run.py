@@ -1,6 +1,5 @@
 """From a config to a trained model: corpus, graphs, teacher, training."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,28 +7,65 @@ from typing import Any
 import numpy as np
 
 from gash_jax.files.settings import ConfigError
-from gash_jax.models.examples import Item
+from gash_jax.models.examples import Item, WholeShapes
 from gash_jax.models.families import family_of, make_examples
 from gash_jax.models.model import load_model
+from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint
-from gash_jax.train.config import RunConfig, run_from_dict
+from gash_jax.train.config import RunConfig, load_config
 from gash_jax.train.corpus import build_corpus, split_indices
 from gash_jax.train.distillation import distilled
 from gash_jax.train.loop import ReportFn, initial_state, train_model
+from gash_jax.train.own_meshes import folder_items, labelled_mesh
 
 Progress = Callable[[int, int], None]
 
 
 def run_config(
-    config: RunConfig, folder: Path, progress: Progress | None = None, report: ReportFn | None = None
+    config: RunConfig,
+    folder: Path,
+    progress: Progress | None = None,
+    report: ReportFn | None = None,
+    notify: Callable[[str], None] = lambda text: None,
 ) -> tuple[Path, list[Item]]:
     """Train (or continue) the run in `folder`; its model file, and the validation shapes."""
     teacher = load_model(config.train.teacher) if config.train.teacher else None
-    training, validation = split_indices(config.data)
-    items = build_corpus(config.data, config.model.bands, np.concatenate([training, validation]), progress)
-    examples, split = make_examples(items, config.model), len(training)
-    labelled = examples[:split] if teacher is None else distilled(examples[:split], items[:split], teacher)
-    return train_model(config, labelled, examples[split:], folder, report), items[split:]
+    start = _start(config)
+    items, validation = training_items(config, progress)
+    examples = make_examples([*items, *validation], config.model)
+    labelled, held_out = examples[: len(items)], examples[len(items) :]
+    if teacher is not None:
+        labelled = distilled(labelled, items, teacher)
+    return train_model(config, labelled, held_out, folder, report, notify, start), validation
+
+
+def training_items(config: RunConfig, progress: Progress | None = None) -> tuple[list[Item], list[Item]]:
+    """Shapes with labels to train and to validate on: of folders where the config names them, else generated."""
+    data, bands = config.data, config.model.bands
+    generated = dict(zip(("folder", "validation_folder"), split_indices(data), strict=True))
+    wanted = [indices for name, indices in generated.items() if not getattr(data, name)]
+    corpus = build_corpus(data, bands, np.concatenate(wanted), progress) if wanted else []
+    parts = []
+    for name, indices in generated.items():
+        if own := getattr(data, name):
+            parts.append(folder_items(own, data.rays, bands, progress))
+        else:
+            parts.append(corpus[: len(indices)])
+            corpus = corpus[len(indices) :]
+    largest = max(len(item.mesh.vertices) for item in parts[0])
+    if data.folder and family_of(config.model).batches is WholeShapes and largest >= config.train.batch_vertices:
+        raise ConfigError(f"a mesh has {largest} vertices: set train.batch_vertices to more than that")
+    return parts[0], parts[1]
+
+
+def _start(config: RunConfig) -> Any:
+    """Parameters of the model that training starts from, if any. Raises ConfigError where it is another network."""
+    if not config.train.start_from:
+        return None
+    model = load_model(config.train.start_from)
+    if model.config != config.model:
+        raise ConfigError(f"train.start_from={config.train.start_from} holds another network: {model.config}")
+    return model.params
 
 
 def best_so_far(folder: Path) -> tuple[RunConfig, Any, float]:
@@ -37,9 +73,9 @@ def best_so_far(folder: Path) -> tuple[RunConfig, Any, float]:
     saved = folder / "config.json"
     if not saved.is_file() or not has_checkpoint(folder):
         raise ConfigError(f"{folder} is not a run with a checkpoint: start one with gash train")
-    config = run_from_dict(json.loads(saved.read_text()))
-    item = build_corpus(config.data, config.model.bands, split_indices(config.data)[0][:1])
-    examples = make_examples(item, config.model)
-    example = family_of(config.model).batches(examples).draw(len(item[0].coefficients) + 1, 0, 0)
-    state = restore_checkpoint(folder, initial_state(config, example))
+    config = load_config(saved)
+    item = labelled_mesh("any", bumpy_sphere(6), 1, config.model.bands)
+    examples = make_examples([item], config.model)
+    example = family_of(config.model).batches(examples).draw(len(item.coefficients) + 1, 0, 0)
+    state, _ = restore_checkpoint(folder, initial_state(config, example))
     return config, state.best, float(state.best_error)
