@@ -8,7 +8,6 @@ from gash_jax.apps.options import PATH, Command, output_option, quiet_option, up
 from gash_jax.apps.printing import say
 from gash_jax.files.atomic import check_writable
 from gash_jax.formats.meshes import read_mesh
-from gash_jax.models.ambient import STRENGTH, ambient_refinement
 from gash_jax.models.model import load_model
 from gash_jax.prt.transfer import save_transfer
 
@@ -30,6 +29,8 @@ def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet:
     transfer = network.predict(surface)
     entries = {**transfer.metadata, "health": health.to_dict()}
     if ambient:
+        from gash_jax.models.ambient import STRENGTH, ambient_refinement  # its search tree is slow to import
+
         darker = ambient_refinement(surface, transfer.coefficients)
         transfer = transfer._replace(coefficients=darker, predicted_error=None)
         entries["parameters"] = {**entries["parameters"], "ambient": STRENGTH}
