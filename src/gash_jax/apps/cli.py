@@ -4,16 +4,12 @@ Every failure a user can cause is one line on the error stream that starts with 
 code 2, and nothing is written.
 """
 
-import os
 import sys
 from importlib import import_module
 
-# a user reads our errors, not the compiler's messages; read once, when JAX is imported
-os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-
 import click
 
-from gash_jax.files.caches import keep_compiled_programs
+from gash_jax.files.caches import keep_compiled_programs, quiet_compiler
 
 # what `gash --help` says of each command, in the command's own words; the file is commands/NAME.py
 COMMANDS = {
@@ -30,7 +26,8 @@ COMMANDS = {
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",
     "predict": "Predict the transfer of MESH with a network: no rays.",
     "render": "Relight TRANSFER and write a PNG of several views.",
-    "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to continue.",
+    "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to "
+    "continue.",
     "train": "Train the network that CONFIG (.toml) describes; run it again to continue after an interruption.",
 }
 
@@ -68,6 +65,7 @@ def gash() -> None:
 
 def main() -> None:
     """Entry point: run a command and turn every failure into one line."""
+    quiet_compiler()  # a user reads our errors, not its messages
     keep_compiled_programs()
     try:
         gash.main(standalone_mode=False)

@@ -114,9 +114,7 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
     return models
 
 
-def _draw(
-    mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path
-) -> None:
+def _draw(mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path) -> None:
     """Reference, closed form, prediction, difference, side by side under the light, front and back."""
     skills = {row["method"]: row["skill"] for row in rows}
     label = {n: f"skill {s:.2f}" if isinstance(s, float) else s for n, s in skills.items()}
