@@ -161,5 +161,6 @@ def test_folders_that_nobody_uses_go(tmp_path: Path) -> None:
     old, young = tmp_path / "compiled" / "old", tmp_path / "compiled" / "young"
     for folder, days in ((old, caches.UNUSED_DAYS + 1), (young, caches.UNUSED_DAYS - 1)):
         folder.mkdir(parents=True)
-        os.utime(folder, (time.time() - days * 86400,) * 2)
+        then = time.time() - days * 86400
+        os.utime(folder, (then, then))
     assert Path(finish(start(tmp_path))["folder"]).is_dir() and young.is_dir() and not old.exists()
