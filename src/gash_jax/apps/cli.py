@@ -65,9 +65,9 @@ def gash() -> None:
 
 def main() -> None:
     """Entry point: run a command and turn every failure into one line."""
-    quiet_compiler()  # a user reads our errors, not its messages
-    keep_compiled_programs()
     try:
+        quiet_compiler()  # a user reads our errors, not its messages
+        keep_compiled_programs()
         gash.main(standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help() if error.ctx else error.format_message())
