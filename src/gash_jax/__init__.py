@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gash_jax.files.atomic import FileError
+    from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
     from gash_jax.formats.meshes import load_mesh, read_mesh
     from gash_jax.geometry.health import HealthReport, MeshError
@@ -31,6 +32,7 @@ _HOMES = {
     "geometry.mesh": ("Mesh",),
     "formats.meshes": ("load_mesh", "read_mesh"),
     "files.atomic": ("FileError",),
+    "files.caches": ("keep_compiled_programs",),
     "files.settings": ("ConfigError",),
     "train.config": ("RunConfig", "load_config"),
     "models.deforming": ("deforming_predictor",),
@@ -57,6 +59,7 @@ __all__ = [
     "bake_to_error",
     "bake_transfer",
     "deforming_predictor",
+    "keep_compiled_programs",
     "load_config",
     "load_light",
     "load_mesh",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gash_jax.apps.cli import gash, main
+from gash_jax.apps.cli import gash, load_command, main
 from gash_jax.files.npz import write_npz
 from gash_jax.formats.hdr import write_hdr
 from gash_jax.formats.meshes import save_mesh
@@ -47,6 +47,7 @@ def fail(folder: Path, capsys: pytest.CaptureFixture, *arguments: str) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr("sys.argv", ["gash", *arguments])
+        patch.setattr("gash_jax.apps.cli.keep_compiled_programs", lambda: None)  # the session's own settings stay
         with pytest.raises(SystemExit) as caught:
             main()
     captured = capsys.readouterr()
@@ -99,8 +100,7 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
     text = capsys.readouterr().out
     example = text.split("Example:\n")[1].split()
     assert example[:2] == ["gash", name]
-    command = gash.commands[name]
-    command.make_context(name, example[2:])
+    load_command(name).make_context(name, example[2:])
 
 
 BAD_BAKES = {

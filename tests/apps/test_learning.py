@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gash_jax.apps import demo, evaluating
 from gash_jax.apps.cli import gash
-from gash_jax.apps.pictures import corpus_sheet
+from gash_jax.apps.commands import demo
+from gash_jax.apps.pictures import contact_sheet
 from gash_jax.formats.meshes import save_mesh
+from gash_jax.measure import methods
 from gash_jax.models.families import model_config
 from gash_jax.models.model import load_model, shipped_models
 from gash_jax.prt.transfer import load_transfer
@@ -83,7 +84,7 @@ def test_demo_writes_its_table_and_its_picture(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "demo_configs", _tiny_configs)
     monkeypatch.setattr(demo, "REFERENCE_RAYS", 256)
-    monkeypatch.setattr(evaluating, "PLAIN_RAYS", (8, 16))
+    monkeypatch.setattr(methods, "PLAIN_RAYS", (8, 16))
     save_mesh("bumpy.ply", bumpy_sphere(10))
     gash.main(["demo", "-o", "out", "--mesh", "bumpy.ply", *options], standalone_mode=False)
     said = capsys.readouterr().out
@@ -104,7 +105,7 @@ def test_demo_configs_share_corpus_and_have_the_budget() -> None:
 
 def test_bench_and_evaluate_agree_with_compare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(evaluating, "PLAIN_RAYS", (8,))
+    monkeypatch.setattr(methods, "PLAIN_RAYS", (8,))
     save_mesh("bumpy.ply", bumpy_sphere(8))
     gash.main(["bench", "bumpy.ply", "--rays", "128", "-o", "bench.json", "--json"], standalone_mode=False)
     said = json.loads(capsys.readouterr().out)
@@ -147,7 +148,7 @@ def test_corpus_sheet_shows_every_shape(tmp_path: Path, monkeypatch: pytest.Monk
     gash.main(["corpus", "tiny.toml", "-o", "sheet.png"], standalone_mode=False)
     assert "2 shapes to train on, 1 to validate" in capsys.readouterr().out
     with Image.open("sheet.png") as sheet:
-        assert sheet.size[0] > 3 * corpus_sheet.SIZE
+        assert sheet.size[0] > 3 * contact_sheet.SIZE
 
 
 def test_a_student_without_its_teacher_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

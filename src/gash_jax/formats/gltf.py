@@ -14,7 +14,6 @@ from urllib.parse import unquote
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 
 from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.geometry.mesh import MeshError, normalized
@@ -141,6 +140,8 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
+    from scipy.spatial.transform import Rotation  # slow to import, and only this format needs it
+
     rotation = Rotation.from_quat(node.get("rotation", [0.0, 0.0, 0.0, 1.0])).as_matrix()
     matrix[:3, :3] = rotation * np.array(node.get("scale", [1.0, 1.0, 1.0]))
     matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])

@@ -7,7 +7,6 @@ would produce, so it does not run through edges or vertices of axis-aligned mode
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import Rotation
 
 SAMPLES = 7  # points of a sheet that must all be inside
 
@@ -20,6 +19,8 @@ def containment(
     `triangles` are the corners of all faces with consistent winding in each sheet, `sheet` the sheet of each
     face; only the m sheets marked `solid` take part, in order of their index.
     """
+    from scipy.spatial.transform import Rotation  # slow to import, and few meshes have several closed sheets
+
     number = np.where(solid, np.cumsum(solid) - 1, -1)[sheet]
     order = np.argsort(number, kind="stable")[np.count_nonzero(number < 0) :]
     turned = triangles[order] @ Rotation.from_rotvec([0.613, -1.127, 0.829]).as_matrix().T

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 
 from gash_jax.geometry.mesh import unique_edges
 
@@ -33,6 +32,8 @@ def _nearest(points: np.ndarray, serving: np.ndarray, k: int) -> Int[np.ndarray,
     everyone = np.arange(len(points), dtype=np.int32)[:, None]
     if len(serving) == 0:
         return np.repeat(everyone, k, axis=1)
+    from scipy.spatial import KDTree  # slow to import, and not every graph searches
+
     count = min(k + 1, len(serving))
     distance, found = KDTree(points[serving]).query(points, count, workers=-1)
     # for one neighbour the tree drops the axis

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float, Shaped
 from gash_jax.algebra.sh import sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.npz import read_npz, write_npz
-from gash_jax.formats.exr import read_exr
 from gash_jax.formats.hdr import FORMATS, LightError, read_hdr
 
 FORMAT, FORMAT_VERSION = "gash-light", 1
@@ -90,7 +89,12 @@ def load_light(path: str | Path, bands: int = 3) -> Light:
     suffix = path.suffix.lower()
     if suffix not in (".hdr", ".pic", ".exr") and path.is_file():
         raise LightError(f"{path} has no known light format: readable are {FORMATS}, convert it to .hdr")
-    image = read_exr(path) if suffix == ".exr" else read_hdr(path)
+    if suffix == ".exr":
+        from gash_jax.formats.exr import read_exr  # a library of its own, which no other map needs
+
+        image = read_exr(path)
+    else:
+        image = read_hdr(path)
     entries = {"source": path.name, "map": list(image.shape[:2])}
     return Light(project_light(image, bands), light_metadata(bands, **entries))
 

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import stats
-from skimage.metrics import structural_similarity
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.bake import ProgressFn, bake_transfer
@@ -82,6 +80,8 @@ def image_scores(image: Float[np.ndarray, "h w c"], reference: Float[np.ndarray,
     if peak <= 0:
         raise ValueError("the reference picture is black: it has no peak to measure against")
     noise = max(mse(image, reference), np.finfo(np.float32).tiny)
+    from skimage.metrics import structural_similarity  # slow to import: a bake measures no picture
+
     similarity: Any = structural_similarity(
         image.astype(np.float64), reference.astype(np.float64), data_range=peak, channel_axis=-1
     )
@@ -99,6 +99,8 @@ def calibration(
     error: Float[np.ndarray, "*n"], standard_error: Float[np.ndarray, "*n"], freedom: int = 3
 ) -> tuple[float, float]:
     """rms z-score, and coverage of the 95 % t-intervals, of errors against the truth."""
+    from scipy import stats  # slow to import: a bake measures itself otherwise
+
     if error.shape != standard_error.shape or not np.all(standard_error > 0):
         raise ValueError("calibration needs one positive standard error for each error")
     score = float(np.sqrt(np.mean(error.astype(np.float64) ** 2) / np.mean(standard_error.astype(np.float64) ** 2)))

@@ -12,12 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
-from gash_jax.apps.evaluating import print_methods
+from gash_jax.apps.options import PATH, Command, quiet_option
 from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
-from gash_jax.apps.progress import progress_bar, say
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.tables import print_methods
 from gash_jax.files.atomic import write_json
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -36,6 +39,55 @@ from gash_jax.train.run import run_config
 DATA = DataConfig(shapes=96, validation_shapes=8, rays=256, min_vertices=600, max_vertices=1800)
 MODELS = ("mlp", "two-stage", "local")
 UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the corpus
+
+
+@click.command(cls=Command, epilog="gash demo -o demo --mesh bunny.ply --light studio.hdr")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("demo"),
+    show_default=True,
+    help="Folder to write.",
+)
+@click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
+@click.option("--light", "light_path", type=PATH, help="Environment map (.hdr, .exr).  [default: a generated studio]")
+@click.option(
+    "--train",
+    "seconds",
+    type=click.FloatRange(1.0, 3600.0),
+    help="Train small networks first, two of them for so many seconds each.  [default: the weights that ship]",
+)
+@quiet_option
+def demo(output: Path, mesh: Path | None, light_path: Path | None, seconds: float | None, quiet: bool) -> None:
+    """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
+    started = time.perf_counter()
+    light = load_light(light_path, 3).coefficients if light_path else project_light(studio_light(), 3)
+    name, surface, found_in_mesh = _surface(mesh)
+    output.mkdir(parents=True, exist_ok=True)
+    models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}
+    say(f"{name}: {len(surface.vertices)} vertices, {len(surface.faces)} faces, not in the corpus", quiet)
+    for line in found_in_mesh:
+        say(f"  {line}", quiet)
+    with progress_bar(f"reference, {REFERENCE_RAYS} rays per vertex", quiet) as update:
+        reference = make_reference(surface, rays=REFERENCE_RAYS, progress=update)
+    with progress_bar("timing", quiet) as update:
+        rows, found = measure_methods(surface, models, reference, update)
+    print_methods(rows)
+    picture, results = output / "picture.png", output / "results.json"
+    _draw(surface, found, np.asarray(light), rows, picture)
+    arguments = {"mesh": name, "light": light_path.name if light_path else "studio", "training_seconds": seconds}
+    origin = provenance(seed=0, arguments=arguments)
+    write_json(results, {**origin, "vertices": len(surface.vertices), "rows": rows})
+    say(f"wrote {picture} and {results} after {time.perf_counter() - started:.0f} s", quiet)
+
+
+def _surface(path: Path | None) -> tuple[str, Mesh, list[str]]:
+    """Name and mesh to show, and what its health report says."""
+    if path is None:
+        return "a generated mesh", make_shape(*UNSEEN, vertices=(9000, 12000))[1], []
+    mesh, health = read_mesh(path)
+    return path.name, mesh, health.lines()
 
 
 def demo_configs(seconds: float) -> dict[str, RunConfig]:
@@ -62,9 +114,7 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
     return models
 
 
-def _picture(
-    mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path
-) -> None:
+def _draw(mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path) -> None:
     """Reference, closed form, prediction, difference, side by side under the light, front and back."""
     skills = {row["method"]: row["skill"] for row in rows}
     label = {n: f"skill {s:.2f}" if isinstance(s, float) else s for n, s in skills.items()}
@@ -82,38 +132,3 @@ def _picture(
         caption = "difference, prediction - reference\nblue darker, red brighter, full at 0.3"
         panels.append((caption, signed_colors(difference, 0.3)))
     write_png(path, montage(panels, columns=4))
-
-
-def run_demo(output: Path, mesh_path: Path | None, light_path: Path | None, seconds: float | None, quiet: bool) -> None:
-    """Run everything; writes picture.png, results.json and the runs into `output`."""
-    started = time.perf_counter()
-    light = load_light(light_path, 3).coefficients if light_path else project_light(studio_light(), 3)
-    mesh, lines = (make_shape(*UNSEEN, vertices=(9000, 12000))[1], []) if mesh_path is None else _read(mesh_path)
-    output.mkdir(parents=True, exist_ok=True)
-    models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}
-    name = mesh_path.name if mesh_path else "a generated mesh"
-    say(f"{name}: {len(mesh.vertices)} vertices, {len(mesh.faces)} faces, not in the corpus", quiet)
-    for line in lines:
-        say(f"  {line}", quiet)
-    with progress_bar(f"reference, {REFERENCE_RAYS} rays per vertex", quiet) as update:
-        reference = make_reference(mesh, rays=REFERENCE_RAYS, progress=update)
-    with progress_bar("timing", quiet) as update:
-        rows, found = measure_methods(mesh, models, reference, update)
-    print_methods(rows)
-    _picture(mesh, found, np.asarray(light), rows, output / "picture.png")
-    arguments = {
-        "mesh": name,
-        "light": light_path.name if light_path else "studio",
-        "training_seconds": seconds,
-    }
-    results = {**provenance(seed=0, arguments=arguments), "vertices": len(mesh.vertices), "rows": rows}
-    write_json(output / "results.json", results)
-    say(
-        f"wrote {output / 'picture.png'} and {output / 'results.json'} after {time.perf_counter() - started:.0f} s",
-        quiet,
-    )
-
-
-def _read(path: Path) -> tuple[Mesh, list[str]]:
-    mesh, health = read_mesh(path)
-    return mesh, health.lines()

@@ -7,79 +7,37 @@ after the other, so that nothing else of the sweep runs beside it.
 
 import csv
 import json
-import multiprocessing
-import os
-import queue
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
+from gash_jax.apps.options import PATH, Command, quiet_option
 from gash_jax.apps.pictures.plots import plot_pareto
-from gash_jax.apps.progress import progress_bar, say
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.run_processes import train_in_processes
 from gash_jax.files.atomic import check_writable, whole_file
-from gash_jax.files.cores import available_cores
 from gash_jax.files.settings import ConfigError
-from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import load_model
 from gash_jax.shapes.procedural import make_shape
-from gash_jax.train.sweep import Run, load_sweep, train_run
+from gash_jax.train.sweep import Run, load_sweep
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
 TIMED_SHAPE = (7, 2)  # seed and index of the generated mesh that inference is timed on
 
 
-def _child(run: Run, folder: Path, cores: list[int], pipe: Any) -> None:
-    """One run in its own process, on its own cores; sends fractions, then the line or the error."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, cores)
-    try:
-        line = train_run(run, folder, lambda phase, fraction, values: pipe.send(fraction))
-        pipe.send({**line, **provenance()})
-    except KeyboardInterrupt:
-        pass
-    except Exception as error:  # noqa: BLE001 - whatever it was, the other runs go on and the user is told
-        pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
-
-
-def _core_sets(jobs: int) -> list[list[int]]:
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(available_cores()))
-    if jobs > len(cores):
-        raise ConfigError(f"--jobs {jobs}: this machine has {len(cores)} cores to give")
-    return [list(map(int, part)) for part in np.array_split(cores, jobs)]
-
-
-def _work(waiting: "queue.Queue[Run]", cores: list[int], folder: Path, tell: Any) -> None:
-    """A thread that runs one process after the other on its cores."""
-    context = multiprocessing.get_context("spawn")
-    while True:
-        try:
-            run = waiting.get_nowait()
-        except queue.Empty:
-            return
-        mine, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_child, args=(run, folder / run.id, cores, theirs), daemon=True)
-        process.start()
-        theirs.close()
-        try:
-            while not isinstance(message := mine.recv(), dict | str):
-                tell(run, message)
-            tell(run, message)
-        except EOFError:
-            tell(run, "the process ended without a word (killed, or out of memory)")
-        process.join()
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-
-
-def sweep(spec: Path, output: Path, jobs: int, quiet: bool) -> None:
-    """`gash sweep`."""
-    name, runs = load_sweep(spec)
+@click.command(cls=Command, epilog="gash sweep experiments/latent_depth/sweep.toml -o runs/latent_depth --jobs 2")
+@click.argument("sweep_file", metavar="SWEEP", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="Folder of the results; runs are kept in it.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Runs at a time, each on its cores.")
+@quiet_option
+def sweep(sweep_file: Path, output: Path, jobs: int, quiet: bool) -> None:
+    """Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to continue."""
+    name, runs = load_sweep(sweep_file)
     output.mkdir(parents=True, exist_ok=True)
     check_writable(output / LINES)
     done = {line["id"] for line in _read(output / LINES)}
@@ -98,33 +56,25 @@ def sweep(spec: Path, output: Path, jobs: int, quiet: bool) -> None:
         raise ConfigError(f"{len(failures)} of {len(runs)} runs failed, the others are kept: " + "; ".join(failures))
 
 
+def _read(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
 def _train_missing(missing: Sequence[Run], output: Path, jobs: int, quiet: bool) -> list[str]:
     """Run what is missing; lines are appended as they come. Returns what failed."""
-    waiting: queue.Queue[Run] = queue.Queue()
-    for run in missing:
-        waiting.put(run)
-    lock, fractions, failures = threading.Lock(), dict.fromkeys((run.id for run in missing), 0.0), []
+    fractions, failures = dict.fromkeys((run.id for run in missing), 0.0), []
     with progress_bar(f"{len(missing)} runs", quiet or not missing) as update:
 
-        def tell(run: Run, message: float | dict | str) -> None:
-            with lock:
-                fractions[run.id] = message if isinstance(message, float) else 1.0
-                update(round(1000 * sum(fractions.values())), 1000 * len(missing))
-                if isinstance(message, dict):
-                    with open(output / LINES, "a", encoding="utf-8") as file:
-                        file.write(json.dumps(message) + "\n")
-                if isinstance(message, str):
-                    failures.append(f"{run.config.name}: {message}")
+        def tell(run: Run, news: float | dict[str, Any] | str) -> None:
+            fractions[run.id] = news if isinstance(news, float) else 1.0
+            update(round(1000 * sum(fractions.values())), 1000 * len(missing))
+            if isinstance(news, dict):
+                with open(output / LINES, "a", encoding="utf-8") as file:
+                    file.write(json.dumps(news) + "\n")
+            if isinstance(news, str):
+                failures.append(f"{run.config.name}: {news}")
 
-        cores = _core_sets(jobs)
-        threads = [
-            threading.Thread(target=_work, args=(waiting, own, output / "runs", tell), daemon=True) for own in cores
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            while thread.is_alive():  # a plain join would not let Ctrl-C through
-                thread.join(0.2)
+        train_in_processes(missing, output / "runs", jobs, tell)
     return failures
 
 

@@ -1,0 +1,128 @@
+"""`gash bake` in its three ways: with a number of rays, to an error, or by the plan that a few pilot rays make."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.apps.commands.plan import plan_text
+from gash_jax.apps.options import (
+    PATH,
+    Command,
+    bands_option,
+    light_option,
+    output_option,
+    quiet_option,
+    up_option,
+)
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.files.atomic import check_writable
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.geometry.health import HealthReport
+from gash_jax.light.environment import load_light
+from gash_jax.measure.metrics import relrmse
+from gash_jax.prt.bake import bake_transfer, choose_replicates
+from gash_jax.prt.error_target import bake_to_error, check_error
+from gash_jax.prt.plan import Plan, plan_bake
+from gash_jax.prt.transfer import Transfer, save_transfer
+
+
+@click.command(cls=Command, epilog="gash bake bunny.ply -o bunny.npz --error 0.02")
+@click.argument("mesh", type=PATH)
+@output_option
+@bands_option()
+@click.option("--rays", type=click.IntRange(1, 1 << 20), help="Rays per vertex.  [default: 256]")
+@click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
+@click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
+@light_option("With --auto: the light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@click.option(
+    "--replicates",
+    type=click.IntRange(1),
+    help="Independent point sets the rays are split into for the standard error.  [default: 4; 1 below 16 rays]",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the rays.")
+@up_option
+@quiet_option
+def bake(
+    mesh: Path,
+    output: Path,
+    bands: int,
+    rays: int | None,
+    error: float | None,
+    auto: bool,
+    light_path: Path | None,
+    replicates: int | None,
+    seed: int,
+    up: str,
+    quiet: bool,
+) -> None:
+    """Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient."""
+    if light_path and not auto:
+        raise click.UsageError("--light decides the bands of a planned bake: add --auto")
+    to_error = auto or error is not None
+    if to_error and (rays is not None or replicates is not None):
+        raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
+    check_writable(output)
+    error, rays = 0.02 if error is None else error, 256 if rays is None else rays
+    if to_error:
+        check_error(error)
+    else:
+        choose_replicates(rays, replicates)
+    light = None if light_path is None else load_light(light_path, MAX_BANDS).coefficients
+    started = time.perf_counter()
+    surface, health = read_mesh(mesh, up)
+    read = time.perf_counter() - started
+    plan = plan_bake(surface, error, bands=bands, light=light, seed=seed) if auto else None
+    if plan is not None:
+        say(plan_text(plan.to_dict()), quiet)
+        bands = plan.bands
+    with progress_bar(f"baking {mesh.name}", quiet) as update:
+        if to_error:
+            transfer = bake_to_error(surface, error, bands, seed=seed, progress=update)
+        else:
+            transfer = bake_transfer(surface, bands, rays, replicates=replicates, seed=seed, progress=update)
+    entries = _entries_of_aim(transfer, plan) if to_error else transfer.metadata
+    seconds = {**entries["seconds"], "read": read}
+    transfer = transfer._replace(metadata={**entries, "health": health.to_dict(), "seconds": seconds})
+    save_transfer(output, transfer)
+    for line in (_reached(transfer, error) if to_error else _estimated(transfer)) + _summary(transfer, health):
+        say(line, quiet)
+    say(f"wrote {output}", quiet)
+
+
+def _entries_of_aim(transfer: Transfer, plan: Plan | None) -> dict[str, Any]:
+    """The metadata of a bake to an error, with the plan and the reason for the number of bands."""
+    entries, reason = transfer.metadata, "as asked"
+    if plan is not None and plan.irradiance_held is not None:
+        reason = f"which hold {plan.irradiance_held:.2%} of the light's irradiance; higher ones are left out"
+    modelled = {**entries["modelled"], "bands": f"{transfer.bands}, {reason}"}
+    return {**entries, "modelled": modelled, **({} if plan is None else {"plan": plan.to_dict()})}
+
+
+def _reached(transfer: Transfer, error: float) -> list[str]:
+    estimated, rounds = transfer.metadata["estimated_error"], len(transfer.metadata["rounds"])
+    lines = [f"error {error:g} was not reached: the rays per vertex are limited"] if estimated > error else []
+    return [*lines, f"estimated relative error {estimated:.2%} after {rounds} rounds"]
+
+
+def _estimated(transfer: Transfer) -> list[str]:
+    if transfer.standard_error is None:
+        return []
+    relative = relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
+    return [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
+
+
+def _summary(transfer: Transfer, health: HealthReport) -> list[str]:
+    """What was found in the mesh, rays and time, and how much was taken from the closed form."""
+    seconds, total = transfer.metadata["seconds"]["total"], transfer.metadata["rays_total"]
+    count, modelled = len(transfer.vertices), transfer.metadata["modelled"]
+    lines = [f"  {line}" for line in health.lines()]
+    lines.append(
+        f"{count} vertices x {total / max(count, 1):.4g} rays in {seconds:.2f} s ({total / seconds / 1e6:.2g} M rays/s)"
+    )
+    if modelled.get("blended_with_closed_form", True):  # not the plain bake
+        lines.append(f"closed form: {modelled.get('all_rays_free', 0):.1%} of the vertices saw nothing in the way")
+    return lines

@@ -1,0 +1,65 @@
+"""`gash bench`: every method on one mesh, speed against error."""
+
+import json
+from pathlib import Path
+
+import click
+
+from gash_jax.apps.options import (
+    PATH,
+    Command,
+    json_option,
+    quiet_option,
+    reference_option,
+    result_option,
+    up_option,
+)
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.tables import print_methods
+from gash_jax.files.atomic import check_writable, write_json
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.measure.methods import measure_methods
+from gash_jax.measure.provenance import provenance
+from gash_jax.measure.reference import make_reference
+from gash_jax.models.model import Model, load_model
+
+
+@click.command(cls=Command, epilog="gash bench bunny.ply --model local -o bench.json")
+@click.argument("mesh", type=PATH)
+@click.option("--model", "models", multiple=True, help="Shipped name or weights file; may be given several times.")
+@reference_option
+@up_option
+@result_option
+@json_option
+@quiet_option
+def bench(
+    mesh: Path, models: tuple[str, ...], rays: int, up: str, output: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Speed against error on MESH: closed form, plain bakes, networks."""
+    if output:
+        check_writable(output)
+    names = models or ("local",)
+    loaded = {name: load_model(name) for name in names}
+    surface, _ = read_mesh(mesh, up)
+    with progress_bar(f"reference, {rays} rays per vertex", quiet) as update:
+        reference = make_reference(surface, _common_bands(loaded), rays, update)
+    with progress_bar("timing", quiet) as update:
+        rows, _ = measure_methods(surface, loaded, reference, update)
+    arguments = {"mesh": mesh.name, "models": list(names), "rays": rays}
+    results = {**provenance(seed=0, arguments=arguments), "vertices": len(surface.vertices), "rows": rows}
+    if as_json:
+        click.echo(json.dumps(results))
+    elif not quiet:
+        print_methods(rows)
+        say(f"{mesh.name}: {len(surface.vertices)} vertices")
+    if output:
+        write_json(output, results)
+        say(f"wrote {output}", quiet or as_json)
+
+
+def _common_bands(models: dict[str, Model]) -> int:
+    bands = {model.config.bands for model in models.values()}
+    if len(bands) > 1:
+        raise ValueError(f"the models have {sorted(bands)} bands: compare models of the same number of bands")
+    return bands.pop()

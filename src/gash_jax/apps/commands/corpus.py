@@ -1,0 +1,37 @@
+"""`gash corpus`: the shapes and labels that a config trains on, and a sheet with all of them to look at."""
+
+from collections import Counter
+from pathlib import Path
+
+import click
+import numpy as np
+
+from gash_jax.apps.options import PATH, Command, quiet_option
+from gash_jax.apps.pictures.contact_sheet import contact_sheet
+from gash_jax.apps.pictures.montage import write_png
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.train.config import load_config
+from gash_jax.train.corpus import build_corpus, split_indices
+
+
+@click.command(cls=Command, epilog="gash corpus base -o corpus.png")
+@click.argument("config", type=PATH)
+@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+@click.option("-o", "--output", type=PATH, help="Contact sheet to draw (.png).")
+@quiet_option
+def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
+    """Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an interruption."""
+    run = load_config(config, overrides)
+    training, validation = split_indices(run.data)
+    with progress_bar("corpus", quiet) as update:
+        items = build_corpus(run.data, run.model.bands, np.concatenate([validation, training]), update)
+    counts = [len(item.mesh.vertices) for item in items]
+    say(f"{len(training)} shapes to train on, {len(validation)} to validate: {sum(counts)} vertices", quiet)
+    say(f"  {min(counts)} to {max(counts)} vertices each, median {int(np.median(counts))}", quiet)
+    kinds = Counter(item.kind for item in items)
+    say("  " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())), quiet)
+    if output:
+        with progress_bar("contact sheet", quiet) as update:
+            write_png(output, contact_sheet(items, update))
+        say(f"wrote {output}", quiet)

@@ -1,0 +1,48 @@
+"""`gash plan`: what a bake to an error needs, from a few pilot rays."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.apps.options import PATH, Command, bands_option, json_option, light_option, up_option
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.light.environment import load_light
+from gash_jax.prt.error_target import check_error
+from gash_jax.prt.plan import plan_bake
+
+
+@click.command(cls=Command, epilog="gash plan bunny.ply --light studio.hdr --error 0.02")
+@click.argument("mesh", type=PATH)
+@light_option("Light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
+@bands_option()
+@up_option
+@json_option
+def plan(mesh: Path, light_path: Path | None, error: float, bands: int, up: str, as_json: bool) -> None:
+    """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
+    check_error(error)
+    light = None if light_path is None else load_light(light_path, MAX_BANDS).coefficients
+    surface, health = read_mesh(mesh, up)
+    found = plan_bake(surface, error, bands=bands, light=light).to_dict()
+    values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}
+    click.echo(json.dumps(values) if as_json else plan_text(values))
+
+
+def plan_text(values: dict[str, Any]) -> str:
+    """The plan for people: what, and why."""
+    held = values["irradiance_held"]
+    reason = "as asked; --light decides by the light" if held is None else f"hold {held:.2%} of the irradiance"
+    return "\n".join(
+        [
+            f"occluded vertices    {values['occluded_share']:.1%}, {values['blocked_rays']:.1%} of all rays blocked "
+            f"({values['sampled_vertices']} vertices sampled)",
+            f"bands                {values['bands']} ({reason})",
+            f"error                {values['error']:g}",
+            f"rays                 {values['rays_total'] / 1e6:.3g} M, {values['rays_per_vertex']:.3g} per vertex",
+            f"time                 {values['seconds']:.2g} s",
+            f"file                 {values['bytes'] / 2**20:.3g} MiB",
+        ]
+    )

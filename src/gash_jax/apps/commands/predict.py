@@ -1,0 +1,42 @@
+"""`gash predict`: the transfer of a mesh by a network."""
+
+from pathlib import Path
+
+import click
+
+from gash_jax.apps.options import PATH, Command, output_option, quiet_option, up_option
+from gash_jax.apps.printing import say
+from gash_jax.files.atomic import check_writable
+from gash_jax.formats.meshes import read_mesh
+from gash_jax.models.model import load_model
+from gash_jax.prt.transfer import save_transfer
+
+
+@click.command(cls=Command, epilog="gash predict bunny.ply -o predicted.npz --model local")
+@click.argument("mesh", type=PATH)
+@output_option
+@click.option("--model", default="local", show_default=True, help="Name of shipped weights, or a weights file (.npz).")
+@click.option(
+    "--ambient", is_flag=True, help="Darken crevices afterwards by geometric ambient occlusion (GNN paper, 4.3.2)."
+)
+@up_option
+@quiet_option
+def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet: bool) -> None:
+    """Predict the transfer of MESH with a network: no rays."""
+    check_writable(output)
+    network = load_model(model)
+    surface, health = read_mesh(mesh, up)
+    transfer = network.predict(surface)
+    entries = {**transfer.metadata, "health": health.to_dict()}
+    if ambient:
+        from gash_jax.models.ambient import STRENGTH, ambient_refinement  # its search tree is slow to import
+
+        darker = ambient_refinement(surface, transfer.coefficients)
+        transfer = transfer._replace(coefficients=darker, predicted_error=None)
+        entries["parameters"] = {**entries["parameters"], "ambient": STRENGTH}
+    save_transfer(output, transfer._replace(metadata=entries))
+    for line in health.lines():
+        say(f"  {line}", quiet)
+    seconds = entries["seconds"]
+    say(f"{len(surface.vertices)} vertices: graph {seconds['graph']:.2f} s, network {seconds['network']:.2f} s", quiet)
+    say(f"wrote {output}", quiet)

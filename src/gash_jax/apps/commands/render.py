@@ -1,0 +1,47 @@
+"""`gash render`: a relit picture of a transfer file from several sides."""
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from gash_jax.apps.options import PATH, Command, output_option, quiet_option
+from gash_jax.apps.pictures.montage import montage, write_png
+from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
+from gash_jax.files.atomic import check_writable
+from gash_jax.light.environment import load_light
+from gash_jax.light.shading import shade
+from gash_jax.prt.transfer import load_transfer
+
+
+@click.command(cls=Command, epilog="gash render bunny.npz --light studio.hdr -o bunny.png --view front --view back")
+@click.argument("transfer", type=PATH)
+@click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr, .exr) or light (.npz).")
+@output_option
+@click.option(
+    "--view",
+    "views",
+    multiple=True,
+    type=click.Choice(list(VIEWS)),
+    default=("front", "side", "back"),
+    show_default=True,
+    help="Camera; may be given several times.",
+)
+@click.option("--size", type=click.IntRange(16, 4096), default=512, show_default=True, help="Pixels per view.")
+@quiet_option
+def render(transfer: Path, light_path: Path, output: Path, views: tuple[str, ...], size: int, quiet: bool) -> None:
+    """Relight TRANSFER and write a PNG of several views."""
+    check_writable(output)
+    lit = load_transfer(transfer)
+    radiance = np.asarray(shade(lit.coefficients, load_light(light_path, lit.bands)))
+    images = []
+    with progress_bar("rendering", quiet) as update:
+        for step, view in enumerate(views):
+            images.append(shade_view(cast_view(lit.mesh, view, size), radiance))
+            update(step + 1, len(views))
+    exposure = exposure_for(images)
+    panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
+    write_png(output, montage(panels))
+    say(f"wrote {output} ({len(views)} views, {size} pixels each)", quiet)
