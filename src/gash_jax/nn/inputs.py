@@ -7,7 +7,7 @@ A vertex is said to a network in one of these encodings:
     motor            the 32 numbers of its motor M = T R (GNN paper, 2.2)
     motor-7          those of them that are not 0 for every vertex, each once (the e- parts repeat the e+ parts)
     position-normal  6 numbers
-    relative-motor   the rotor of its normal, 3 numbers; where it is, is said of edges (`graph.encoding`)
+    relative-motor   the rotor of its normal, 3 numbers; where it is, is said of edges (`graph.encodings`)
 """
 
 from typing import cast

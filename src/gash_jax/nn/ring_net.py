@@ -1,6 +1,6 @@
 """A small network that sees each vertex's surroundings from the vertex's own frame, and predicts only the shadow.
 
-Input are the relative edge features of `graph.encoding` (16 numbers, or with the encoding "relative-motor" 8), which do
+Input are the relative edge features of `graph.encodings` (16 numbers; 8 with the encoding "relative-motor"), which do
 not change when the mesh is moved, turned or scaled; there are no absolute coordinates. With an encoding of vertices
 (`nn.inputs`), which is there to be compared, what is said of an edge is what is said of its two ends. Output is the
 residual to the closed form, as coefficients in the frame F_v, turned into the world:

@@ -1,6 +1,6 @@
 """Transfer from what a vertex sees of a tree of surfels, as a residual to the closed form.
 
-Every vertex looks at the `neighbours` surfels of its block (`graph.sight`) and at the corners of its own faces
+Every vertex looks at the `neighbours` surfels of its block (`graph.surfel_graph`) and at the corners of its own faces
 (nodes["near"]). A surfel of area A at offset o = d u covers the solid angle w = a / (a + d²), with a the smaller of A
 and its projected area; what stands above the tangent plane counts by its cosine c = max(n . u, 0). With f the features
 of a pair in the frame F of the vertex, h = ReLU(W f + b), and g the same of the near corners:
