@@ -1,4 +1,4 @@
-"""Speed of the algebra against kingdon and sphericart: `.venv/bin/python benchmarks/algebra_speed.py`.
+"""Speed of the algebra against kingdon and sphericart: `.venv/bin/python -m benchmarks.algebra_speed`.
 
 (1) Geometric products of R(4,1) in float32, jitted, batches of (n, 32): transpositions included. kingdon takes its own
 best of four forms: 32 arrays of n values, or those in chunks whose temporaries fit a cache (results left in chunks).
@@ -10,8 +10,6 @@ bytes of both factors and the product at the speed of a copy measured in this ru
 product at the speed of a float32 matrix product measured in this run.
 """
 
-import argparse
-import json
 import os
 import time
 from collections.abc import Callable
@@ -24,6 +22,7 @@ import numpy as np
 import sphericart
 from kingdon import Algebra
 
+from benchmarks.options import parser, saved
 from gash_jax.algebra.cga import geometric_product
 from gash_jax.algebra.sh import sh_components
 from gash_jax.measure.provenance import provenance
@@ -108,13 +107,8 @@ def time_harmonics(count: int, bands: int, repeats: int) -> dict[str, float]:
     return {"ours_s": medians["ours"], "sphericart_s": medians["theirs"], "compile_s": compile_s}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1_000_000, help="products and directions")
-    parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("--output", type=Path, help="write the figures to this JSON file")
-    arguments = parser.parse_args()
-    count, repeats = arguments.count, max(5, arguments.repeats)
+def main(count: int, repeats: int, output: Path | None) -> None:
+    repeats = max(5, repeats)
     load = os.getloadavg()[0]
     product = time_product(count, repeats)
     print(f"{count} each, load average {load:.1f} before the run")
@@ -131,11 +125,12 @@ def main() -> None:
         ours, theirs = figures["ours_s"], figures["sphericart_s"]
         print(f"l <= {bands - 1}: ours {ours * 1e3:6.1f} ms, sphericart {theirs * 1e3:6.1f} ms", end="")
         print(f" = {ours / theirs:.2f} x (target <= 2); compiled in {figures['compile_s']:.2f} s")
-    if arguments.output:
-        entries = {"product": product, "gradient": gradient, **{f"bands_{b}": f for b, f in harmonics.items()}}
-        result = provenance(count=count, repeats=repeats, load_before=load, **entries)
-        arguments.output.write_text(json.dumps(result, indent=1) + "\n")
+    entries = {"product": product, "gradient": gradient, **{f"bands_{b}": f for b, f in harmonics.items()}}
+    saved(output, provenance(count=count, repeats=repeats, load_before=load, **entries))
 
 
 if __name__ == "__main__":
-    main()
+    command = parser(__doc__, "output")
+    command.add_argument("--count", type=int, default=1_000_000, help="products and directions")
+    command.add_argument("--repeats", type=int, default=7)
+    main(**vars(command.parse_args()))

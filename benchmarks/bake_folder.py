@@ -1,9 +1,8 @@
-"""Bake every mesh of a folder with the command line: `.venv/bin/python benchmarks/bake_folder.py FOLDER [--rays 256]`.
+"""Bake every mesh of a folder with the command line: `.venv/bin/python -m benchmarks.bake_folder FOLDER [--rays 256]`.
 
 For each mesh: exit code, vertices, seconds of the bake, whether all coefficients are finite, and the health report.
 """
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -11,21 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.options import parser
 from gash_jax.prt.transfer import load_transfer
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--rays", type=int, default=256)
-    arguments = parser.parse_args()
+def main(folder: Path, rays: int) -> int:
     bad = []
-    meshes = sorted(p for p in arguments.folder.iterdir() if p.suffix in {".ply", ".obj", ".stl", ".off", ".glb"})
+    meshes = sorted(p for p in folder.iterdir() if p.suffix in {".ply", ".obj", ".stl", ".off", ".glb"})
     for path in meshes:
-        with tempfile.TemporaryDirectory() as folder:
-            output = Path(folder) / "t.npz"
+        with tempfile.TemporaryDirectory() as scratch:
+            output = Path(scratch) / "t.npz"
             command = [sys.executable, "-m", "gash_jax", "bake", str(path), "-o", str(output)]
-            run = subprocess.run([*command, "--rays", str(arguments.rays)], capture_output=True, text=True)
+            run = subprocess.run([*command, "--rays", str(rays)], capture_output=True, text=True)
             fine = run.returncode == 0 and output.exists()
             if fine:
                 transfer = load_transfer(output)
@@ -47,4 +43,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command = parser(__doc__)
+    command.add_argument("folder", type=Path)
+    command.add_argument("--rays", type=int, default=256)
+    sys.exit(main(**vars(command.parse_args())))

@@ -1,6 +1,6 @@
 """True error against seconds: plain, default and error-targeted bake, and other ray tracers under the plain bake.
 
-    .venv/bin/python benchmarks/error_seconds.py MESH... --output docs/results/error_seconds.json
+    .venv/bin/python -m benchmarks.error_seconds MESH... --output docs/results/error_seconds.json
 
 For each mesh: a reference of 8192 rays; then every method at a range of budgets, each warm (compiled before), in
 turn, median of three. Scene build is included. A peer is the plain bake with our rays and our integration and that
@@ -8,9 +8,6 @@ library's tracer, so its error is the plain bake's and only its seconds are its 
 64 rays per vertex. The figure goes beside the JSON as a PNG.
 """
 
-import argparse
-import json
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,13 +17,15 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.ticker import LogLocator, NullFormatter
-from peers import installed_peers
 
+from benchmarks.options import parser, saved
+from benchmarks.peers import installed_peers
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.metrics import relrmse
 from gash_jax.measure.provenance import provenance
+from gash_jax.measure.timing import timed
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
 from gash_jax.prt.rays import trace_geometry
@@ -57,16 +56,6 @@ def plain_with(build: Callable, mesh: Mesh, rays: int, seed: int) -> np.ndarray:
     return coefficients
 
 
-def timed(run: Callable[[], np.ndarray], repeats: int = 3) -> tuple[np.ndarray, float]:
-    """Result and median seconds, after one run that compiles."""
-    result, seconds = run(), []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        result = run()
-        seconds.append(time.perf_counter() - started)
-    return result, float(np.median(seconds))
-
-
 def measure(mesh: Mesh) -> list[dict]:
     """Rows of (method, budget, seconds, rays per vertex, relrmse) for one mesh."""
     reference = bake_transfer(mesh, rays=REFERENCE, seed=99).coefficients
@@ -74,7 +63,7 @@ def measure(mesh: Mesh) -> list[dict]:
     rows = []
 
     def add(method: str, budget: float, run: Callable[[], np.ndarray], rays: float | None = None) -> None:
-        found, seconds = timed(run)
+        found, seconds = timed(run, 3)
         error = relrmse(found, reference)
         rows.append({"method": method, "budget": budget, "seconds": seconds, "rays": rays, "relrmse": error})
         print(f"  {method:12s} {budget:8g}  {seconds:8.3f} s  relrmse {error:.4f}", flush=True)
@@ -114,21 +103,18 @@ def draw(results: dict[str, list[dict]], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("meshes", type=Path, nargs="+")
-    parser.add_argument("--output", type=Path, help="JSON file to write; the figure goes beside it as .png")
-    arguments = parser.parse_args()
+def main(meshes: list[Path], output: Path | None) -> None:
     results = {}
-    for path in arguments.meshes:
+    for path in meshes:
         mesh = load_mesh(path)
         print(f"{path.stem}: {len(mesh.vertices)} vertices", flush=True)
         results[path.stem] = measure(mesh)
-    if arguments.output:
-        entry = provenance(seed=0, reference_rays=REFERENCE, meshes=results)
-        arguments.output.write_text(json.dumps(entry, indent=1) + "\n")
-        draw(results, arguments.output.with_suffix(".png"))
+    saved(output, provenance(seed=0, reference_rays=REFERENCE, meshes=results))
+    if output:
+        draw(results, output.with_suffix(".png"))
 
 
 if __name__ == "__main__":
-    main()
+    command = parser(__doc__, "output")
+    command.add_argument("meshes", type=Path, nargs="+")
+    main(**vars(command.parse_args()))

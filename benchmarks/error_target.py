@@ -1,4 +1,4 @@
-"""Is the target met, and with how many rays: `.venv/bin/python benchmarks/error_target.py FOLDER [--output FILE]`.
+"""Is the target met, and with how many rays: `.venv/bin/python -m benchmarks.error_target FOLDER [--output FILE]`.
 
 Every mesh of a folder is baked to 0.1, 0.05 and 0.02 and held against a reference of 4096 rays (its own noise, from
 its error bars, is taken out of the squared error) on at most 6000 of its vertices, drawn at random. `rays` is the
@@ -6,12 +6,11 @@ mean per vertex; `plain` what the uniform plain bake needs for the same true err
 rays; the plan's prediction stands beside. Meshes without transfer are listed and left out.
 """
 
-import argparse
-import json
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.options import parser, saved
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.health import MeshError
 from gash_jax.measure.metrics import calibration
@@ -87,13 +86,9 @@ def measure(path: Path) -> list[dict]:
     return rows
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--output", type=Path, help="write the figures to this JSON file")
-    arguments = parser.parse_args()
+def main(folder: Path, output: Path | None) -> None:
     rows = []
-    for path in sorted(arguments.folder.glob("*.ply")):
+    for path in sorted(folder.glob("*.ply")):
         try:
             rows += measure(path)
         except MeshError as reason:
@@ -106,9 +101,10 @@ def main() -> None:
             f"{error:5.2f}: {len(part)} meshes, ratio median {np.median(ratio):.3f} largest {ratio.max():.2f}, "
             f"true/target largest {true.max():.2f}, planned/spent {plan.min():.2f} to {plan.max():.2f}"
         )
-    if arguments.output:
-        arguments.output.write_text(json.dumps(provenance(seed=0, rows=rows), indent=1) + "\n")
+    saved(output, provenance(seed=0, rows=rows))
 
 
 if __name__ == "__main__":
-    main()
+    command = parser(__doc__, "output")
+    command.add_argument("folder", type=Path)
+    main(**vars(command.parse_args()))

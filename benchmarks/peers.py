@@ -42,7 +42,7 @@ def trimesh_peer(vertices: np.ndarray, faces: np.ndarray) -> Free:
 
 def open3d_peer(vertices: np.ndarray, faces: np.ndarray) -> Free:
     """Open3D's RaycastingScene.test_occlusions."""
-    import open3d
+    import open3d  # pyright: ignore[reportMissingImports]
 
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
@@ -51,8 +51,8 @@ def open3d_peer(vertices: np.ndarray, faces: np.ndarray) -> Free:
 
 def mitsuba_peer(vertices: np.ndarray, faces: np.ndarray) -> Free:
     """Mitsuba 3, `ray_test` of its LLVM variant."""
-    import drjit
-    import mitsuba
+    import drjit  # pyright: ignore[reportMissingImports]
+    import mitsuba  # pyright: ignore[reportMissingImports]
 
     mitsuba.set_variant("llvm_ad_rgb")
     mesh = mitsuba.Mesh("mesh", len(vertices), len(faces))

@@ -3,8 +3,9 @@
 from typing import Any
 
 import numpy as np
-from local_tables import table
 from scipy.stats import t as student
+
+from docs.local_tables import table
 
 FORMS = {"gnn": "published", "rings": "ours"}
 ENCODINGS = {

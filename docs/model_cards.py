@@ -1,22 +1,16 @@
-"""The cards of the weights that ship, made from the files themselves and from the results: docs/model_cards.md.
-
-.venv/bin/python docs/model_cards.py
-"""
+"""The cards of the weights that ship, made from the files themselves and from the results: docs/model_cards.md."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(Path(__file__).parent))
-
-from baking_tables import origin
-from local_tables import table
-
+from docs.baking_tables import origin
+from docs.local_tables import table
 from gash_jax.models.model import load_model, shipped_models
+
+ROOT = Path(__file__).parents[1]
 
 # the name under which the results know the shipped weights
 MEASURED = {"local": "local", "mlp": "mlp-long", "two-stage": "two-stage-long"}
@@ -73,7 +67,3 @@ def cards(result: dict[str, Any]) -> str:
 def committed_cards() -> str:
     """The document of the results that are committed."""
     return cards(json.loads((ROOT / "docs" / "results" / "neural_gash.json").read_text()))
-
-
-if __name__ == "__main__":
-    (ROOT / "docs" / "model_cards.md").write_text(committed_cards(), encoding="utf-8")

@@ -1,23 +1,22 @@
-"""The results page, made whole from what the experiments wrote: `.venv/bin/python docs/results_page.py`.
+"""The results page docs/results.md, made whole from what the experiments wrote.
 
-Reads docs/results/*.json and what is in experiments/latent_depth and experiments/cga, writes docs/results.md.
+Its words are those of docs/results_text.md; its numbers those of docs/results/*.json, experiments/latent_depth and
+experiments/cga.
 """
 
 import csv
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(Path(__file__).parent))
+from docs import local_tables
+from docs.baking_tables import origin
+from docs.cga_table import encodings
+from docs.local_tables import table as _table
 
-import local_tables
-from baking_tables import origin
-from cga_table import encodings
-from local_tables import table as _table
+ROOT = Path(__file__).parents[1]
 
 # the papers' own numbers: Tables 3 and 5 of the GNN paper (vertices, PRT s, network ms)
 PAPER = {
@@ -215,11 +214,3 @@ def committed_page() -> str:
     results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
     results["cga"] = json.loads((ROOT / "experiments" / "cga" / "results.json").read_text())
     return page(results, ROOT / "experiments" / "latent_depth" / "results.csv")
-
-
-def main() -> None:
-    (ROOT / "docs" / "results.md").write_text(committed_page(), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

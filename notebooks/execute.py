@@ -1,4 +1,4 @@
-"""Execute the notebooks in full and keep their outputs: `.venv/bin/python notebooks/execute.py [NAME...]`."""
+"""Execute the notebooks in full and keep their outputs: `.venv/bin/python -m notebooks.execute [NAME...]`."""
 
 import sys
 from pathlib import Path
@@ -9,14 +9,19 @@ from nbclient import NotebookClient
 HERE = Path(__file__).parent
 
 
+def executed(path: Path, timeout: int) -> nbformat.NotebookNode:
+    """The notebook with fresh outputs; nbclient's CellExecutionError where a cell fails or takes so many seconds."""
+    notebook = nbformat.read(path, as_version=4)
+    resources = {"metadata": {"path": str(path.parent)}}
+    NotebookClient(notebook, timeout=timeout, kernel_name="python3", resources=resources).execute()
+    return notebook
+
+
 def main(names: list[str]) -> None:
     for path in sorted(HERE.glob("*.ipynb")):
         if names and path.stem not in names:
             continue
-        notebook = nbformat.read(path, as_version=4)
-        NotebookClient(
-            notebook, timeout=1800, kernel_name="python3", resources={"metadata": {"path": str(HERE)}}
-        ).execute()
+        notebook = executed(path, timeout=1800)
         for cell in notebook.cells:
             cell.metadata.pop("execution", None)  # times of day would change every file every time
         nbformat.write(notebook, path)

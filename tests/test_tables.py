@@ -1,56 +1,65 @@
-"""The tables of the documents are those of the committed results."""
+"""What is generated in the documents is what the committed results and the imports make of it."""
 
-import importlib.util
 import json
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from docs import tables
+from docs.__main__ import generated
+from gash_jax.models.model import shipped_models
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
-def writer() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("write_tables", ROOT / "docs" / "write_tables.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def documents() -> dict[str, str]:
+    return generated()
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/baking.md", "docs/hard_cases.md"])
-def test_documents_hold_the_generated_tables(writer: ModuleType, document: str) -> None:
-    assert writer.documents()[document] == (ROOT / document).read_text(encoding="utf-8")
+GENERATED = ("README.md", "CONTRIBUTING.md", "docs/baking.md", "docs/hard_cases.md", "docs/model_cards.md")
 
 
-def test_results_say_where_they_come_from(writer: ModuleType) -> None:
-    for table in writer.TABLES:
+@pytest.mark.parametrize("document", [*GENERATED, "docs/results.md"])
+def test_documents_are_the_generated_ones(documents: dict[str, str], document: str) -> None:
+    assert documents[document] == (ROOT / document).read_text(encoding="utf-8"), "run .venv/bin/python -m docs"
+
+
+def test_no_generated_document_goes_unseen(documents: dict[str, str]) -> None:
+    assert set(documents) == {*GENERATED, "docs/results.md"}
+
+
+def test_every_shipped_model_has_a_card(documents: dict[str, str]) -> None:
+    assert shipped_models() and all(f"## `{name}`" in documents["docs/model_cards.md"] for name in shipped_models())
+
+
+def test_results_say_where_they_come_from() -> None:
+    for table in tables.TABLES:
         result = json.loads((ROOT / "docs" / "results" / table.results).read_text(encoding="utf-8"))
         assert {"machine", "commit", "software"} <= set(result), table.results
         assert table.render(result).count("\n|") >= 2
 
 
-def test_filling_replaces_one_table_and_nothing_else(writer: ModuleType) -> None:
+def test_filling_replaces_one_table_and_nothing_else() -> None:
     text = "before\n<!-- A -->\nold\n<!-- /A -->\nbetween\n<!-- B -->\nkept\n<!-- /B -->\n"
-    filled = writer.fill(text, "A", r"new \1")
+    filled = tables.fill(text, "A", r"new \1")
     assert filled == text.replace("old", r"new \1")
-    assert writer.fill(filled, "A", "old") == text
+    assert tables.fill(filled, "A", "old") == text
 
 
 @pytest.mark.parametrize("text", ["no marker", "<!-- A -->\nnever closed", 2 * "<!-- A -->\nx\n<!-- /A -->\n"])
-def test_missing_or_repeated_markers_are_refused(writer: ModuleType, text: str) -> None:
+def test_missing_or_repeated_markers_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="table A must stand in the document once"):
-        writer.fill(text, "A", "new")
+        tables.fill(text, "A", "new")
 
 
-def test_a_case_over_its_bound_shows_in_the_table(writer: ModuleType) -> None:
+def test_a_case_over_its_bound_shows_in_the_table() -> None:
     machine = {"machine": {"processor": "P", "cores": 1}, "commit": "c"}
     number = {"name": "n", "measured": "m", "value": 0.25, "bound": 0.5, "why": "w", "told": "t", "passed": True}
     refusal = {**number, "value": "no", "bound": "no", "passed": True}
-    table = writer.hard_cases_table({**machine, "rows": [number, refusal]})
+    table = tables.hard_cases_table({**machine, "rows": [number, refusal]})
     assert "| n | m | 2.5e-01 | 5.0e-01 | w | t |" in table
     assert "| n | refusal |  |  |  | `error: no` |" in table
     bad = [{**row, "passed": False} for row in (number, refusal)]
-    assert (text := writer.hard_cases_table({**machine, "rows": bad})).count("EXCEEDED") == 1
+    assert (text := tables.hard_cases_table({**machine, "rows": bad})).count("EXCEEDED") == 1
     assert text.count("NOT REFUSED") == 1

@@ -1,16 +1,15 @@
 """Strength of the ambient-occlusion refinement, fitted on generated shapes, and what it is worth on others.
 
-    .venv/bin/python experiments/ambient/run.py --output experiments/ambient/results.json
+    .venv/bin/python -m experiments.ambient.run --output experiments/ambient/results.json
 
 For fixed occlusion a, the s that minimises |c (1 - s a) - t|² is closed: s = <c a, c - t> / |c a|².
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
-from gash_jax.files.atomic import write_json
+from benchmarks.options import parser, saved
 from gash_jax.measure import metrics
 from gash_jax.measure.provenance import provenance
 from gash_jax.models.ambient import STRENGTH, ambient_occlusion, ambient_refinement
@@ -21,7 +20,7 @@ from gash_jax.shapes.procedural import make_shape
 FIT_SEED, HELD_SEED, SHAPES = 5, 6, 36
 
 
-def shapes(seed: int, count: int) -> list[tuple]:
+def measured(seed: int, count: int) -> list[tuple]:
     """Meshes with their closed form and their bake."""
     found = []
     for index in range(count):
@@ -31,18 +30,18 @@ def shapes(seed: int, count: int) -> list[tuple]:
     return found
 
 
-def main(output: Path | None, count: int) -> dict:
+def main(output: Path | None, shapes: int) -> dict:
     above, below = 0.0, 0.0
-    for mesh, formula, truth in shapes(FIT_SEED, count):
+    for mesh, formula, truth in measured(FIT_SEED, shapes):
         darkened = formula * ambient_occlusion(mesh)[:, None]
         above, below = above + np.sum(darkened * (formula - truth)), below + np.sum(darkened**2)
     held = [
         {"vertices": len(mesh.vertices), "skill": metrics.skill(ambient_refinement(mesh, formula), truth, mesh.normals)}
-        for mesh, formula, truth in shapes(HELD_SEED, count)
+        for mesh, formula, truth in measured(HELD_SEED, shapes)
     ]
     skills = [row["skill"] for row in held if isinstance(row["skill"], float)]
     results = {
-        **provenance(seed=FIT_SEED, arguments={"shapes": count}),
+        **provenance(seed=FIT_SEED, arguments={"shapes": shapes}),
         "fitted_strength": float(above / below),
         "strength": STRENGTH,
         "median_skill": float(np.median(skills)),
@@ -50,14 +49,10 @@ def main(output: Path | None, count: int) -> dict:
         "rows": held,
     }
     print({key: results[key] for key in ("fitted_strength", "strength", "median_skill", "worst_skill")})
-    if output:
-        write_json(output, results)
-    return results
+    return saved(output, results)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--shapes", type=int, default=SHAPES)
-    options = parser.parse_args()
-    main(options.output, options.shapes)
+    command = parser(__doc__, "output")
+    command.add_argument("--shapes", type=int, default=SHAPES)
+    main(**vars(command.parse_args()))

@@ -1,18 +1,14 @@
 """Are the error bars honest: every closed-form scene, every way to bake with error bars.
 
-    .venv/bin/python experiments/calibration/run.py --output docs/results/calibration.json
+    .venv/bin/python -m experiments.calibration.run --output docs/results/calibration.json
 
 For each scene the partly occluded probes are baked under many seeds; the rms z-score is the rms error over the rms
 standard error, the coverage that of the 95 % intervals of Student's t with 3 degrees of freedom.
 """
 
-import argparse
-import json
-import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # the scenes are the tests'
-
+from benchmarks.options import parser, saved
 from gash_jax.measure.metrics import calibration
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
@@ -27,23 +23,20 @@ WAYS: dict[str, BakeFn] = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--samples", type=int, default=1500, help="rows of coefficients per scene and way")
-    parser.add_argument("--output", type=Path, help="write the figures to this JSON file")
-    arguments = parser.parse_args()
+def main(samples: int, output: Path | None) -> None:
     rows = []
     for scene in closed_form_scenes():
         if scene.name in FREE:
             continue
         row: dict = {"scene": scene.name, "less_than_a_ray": scene.name in LESS_THAN_A_RAY}
         for way, bake in WAYS.items():
-            row[way] = calibration(*scene_errors(scene, bake, arguments.samples))
+            row[way] = calibration(*scene_errors(scene, bake, samples))
         rows.append(row)
         print(f"{scene.name:30s}" + "  ".join(f"{way}: z {row[way][0]:.2f} in {row[way][1]:.1%}" for way in WAYS))
-    if arguments.output:
-        arguments.output.write_text(json.dumps(provenance(samples=arguments.samples, rows=rows), indent=1) + "\n")
+    saved(output, provenance(samples=samples, rows=rows))
 
 
 if __name__ == "__main__":
-    main()
+    command = parser(__doc__, "output")
+    command.add_argument("--samples", type=int, default=1500, help="rows of coefficients per scene and way")
+    main(**vars(command.parse_args()))

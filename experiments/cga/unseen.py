@@ -1,22 +1,18 @@
 """What the networks of sweep.toml do on meshes that none was trained on; stopped and started at will.
 
     .venv/bin/gash sweep experiments/cga/sweep.toml -o runs/cga
-    .venv/bin/python experiments/cga/unseen.py --runs runs/cga --meshes FOLDER --output experiments/cga/results.json
+    .venv/bin/python -m experiments.cga.unseen --runs runs/cga --meshes FOLDER --output experiments/cga/results.json
 
-FOLDER holds .ply files: the meshes of `neural_gash/evaluate.py` that are there, without the one that is there twice in
-different resolution.
+FOLDER holds .ply files: the meshes of `experiments/neural_gash/evaluate.py` that are there, without the one that is
+there twice in different resolution.
 """
 
-import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
-
-from evaluate import load_meshes
-
+from benchmarks.options import options
+from experiments.neural_gash.evaluate import load_meshes
 from gash_jax.apps.progress import progress_bar
 from gash_jax.files.atomic import write_json
 from gash_jax.measure.metrics import skill
@@ -29,9 +25,9 @@ TWICE = "igea"
 KEPT = ("id", "form", "encoding", "seed", "parameters", "steps", "skill", "commit")
 
 
-def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> dict[str, Any]:
-    meshes = {name: read() for name, read in load_meshes(folder, quick).items() if name != TWICE}
-    truth = {name: make_reference(mesh, rays=256 if quick else REFERENCE_RAYS) for name, mesh in meshes.items()}
+def main(runs: Path, meshes: Path | None, output: Path, quick: bool) -> dict[str, Any]:
+    loaded = {name: read() for name, read in load_meshes(meshes, quick).items() if name != TWICE}
+    truth = {name: make_reference(mesh, rays=256 if quick else REFERENCE_RAYS) for name, mesh in loaded.items()}
     lines = [json.loads(line) for line in (runs / "results.jsonl").read_text().splitlines()]
     done = {row["id"]: row for row in json.loads(output.read_text())["rows"]} if output.exists() else {}
     results = {**provenance(arguments={"rays": next(iter(truth.values())).rays}), "rows": []}
@@ -40,8 +36,8 @@ def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> dict[str
             row = done.get(line["id"])
             if row is None:
                 model = load_model(runs / "runs" / line["id"] / "model.npz")
-                found = {name: model.predict(mesh).coefficients for name, mesh in meshes.items()}
-                skills = {name: skill(c, truth[name].coefficients, meshes[name].normals) for name, c in found.items()}
+                found = {name: model.predict(mesh).coefficients for name, mesh in loaded.items()}
+                skills = {name: skill(c, truth[name].coefficients, loaded[name].normals) for name, c in found.items()}
                 row = {**{key: line[key] for key in KEPT}, "meshes": skills}
             results["rows"].append(row)
             write_json(output, results)
@@ -50,10 +46,5 @@ def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> dict[str
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/cga"))
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "results.json")
-    parser.add_argument("--quick", action="store_true", help="small generated meshes, few rays: to see that it runs")
-    options = parser.parse_args()
-    main(options.runs, options.meshes, options.output, options.quick)
+    results = Path(__file__).parent / "results.json"
+    main(**options(__doc__, "runs", "meshes", "output", "quick", runs="runs/cga", output=results))

@@ -1,19 +1,16 @@
-"""Run the hard cases: `.venv/bin/python experiments/hard_cases/run.py [--output docs/results/hard_cases.json]`.
+"""Run the hard cases: `.venv/bin/python -m experiments.hard_cases.run [--output docs/results/hard_cases.json]`.
 
 Prints one line for each case: measured, bound, verdict, and what the user is told. Exit code 1 if any is over its
-bound or not refused as it should be. `docs/write_tables.py` makes the table of docs/hard_cases.md from the output.
+bound or not refused as it should be. `.venv/bin/python -m docs` makes the table of docs/hard_cases.md from the output.
 """
 
-import argparse
-import json
 import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # the cases import each other from the root, as the tests do
-
-from experiments.hard_cases.cases import CASES, Result, judge  # noqa: E402
-from gash_jax.measure.provenance import provenance  # noqa: E402
+from benchmarks.options import options, saved
+from experiments.hard_cases.cases import CASES, Result, judge
+from gash_jax.measure.provenance import provenance
 
 
 def _number(value: float | str) -> str:
@@ -28,22 +25,17 @@ def line(result: Result) -> str:
     return f"{head} {_number(result.value)}, bound {_number(result.bound)} ({result.why}); told: {result.told}"
 
 
-def main() -> None:
-    """Run all cases, slow ones last in the list included."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, help="write the results to this JSON file")
-    arguments = parser.parse_args()
+def main(output: Path | None) -> int:
+    """Run all cases, slow ones included; the exit code."""
     results, started = [], time.perf_counter()
     for case in CASES:
         results.append(judge(case))
         print(line(results[-1]), flush=True)
     failed = [result.name for result in results if not result.passed]
     print(f"{len(results)} cases, {len(failed)} over their bounds, {time.perf_counter() - started:.0f} s")
-    if arguments.output:
-        rows = [result._asdict() for result in results]
-        arguments.output.write_text(json.dumps(provenance(rows=rows), indent=1, ensure_ascii=False) + "\n")
-    sys.exit(1 if failed else 0)
+    saved(output, provenance(rows=[result._asdict() for result in results]))
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(**options(__doc__, "output")))

@@ -1,6 +1,6 @@
 """What one lattice is worth: the constants of `prt.error_target` and `prt.allocation`, measured.
 
-    .venv/bin/python experiments/lattice_error/run.py --output experiments/lattice_error/results.json
+    .venv/bin/python -m experiments.lattice_error.run --output experiments/lattice_error/results.json
 
 On vertices of generated shapes of every kind, two independently shifted lattices are doubled from 8 rays on as a bake
 doubles them. KAPPA(N) is their variance, mean (e1 - e2)² / 2, over a quarter of the variance among quarters of one.
@@ -9,12 +9,11 @@ rays, against 16384 rays. VARIANCE is the variance of a lattice, summed over all
 KAPPA serves all coefficients and shapes; the spread over shapes is printed beside it.
 """
 
-import argparse
-import json
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.options import options, saved
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.allocation import PILOT
@@ -64,10 +63,7 @@ def measure_shape(mesh: Mesh, seed: int) -> dict[str, list[float]]:
     return sums
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, help="write the figures to this JSON file")
-    output = parser.parse_args().output
+def main(output: Path | None) -> None:
     sums = [measure_shape(make_shape(1, index, (1500, 4000))[1], index) for index in range(len(SHAPE_KINDS))]
     rows = []
     for level in range(LEVELS):
@@ -88,9 +84,8 @@ def main() -> None:
         )
         spread = f"(shapes {each.min():.2f} to {each.max():.2f})"
         print(f"{rays:5d} rays  VARIANCE {variance:.2e}  KAPPA {kappa:.3f} {spread}  MISSED {missed:.2f}")
-    if output:
-        output.write_text(json.dumps(provenance(seed=0, shapes=len(sums), rows=rows), indent=1) + "\n")
+    saved(output, provenance(seed=0, shapes=len(sums), rows=rows))
 
 
 if __name__ == "__main__":
-    main()
+    main(**options(__doc__, "output"))

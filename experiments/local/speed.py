@@ -1,6 +1,6 @@
 """How fast `local` is: stage by stage beside the two-stage network and a bake, up to a million vertices, and in motion.
 
-    .venv-peers/bin/python experiments/local/speed.py --meshes FOLDER --animated FOLDER --output FILE.json
+    .venv-peers/bin/python -m experiments.local.speed --meshes FOLDER --animated FOLDER --output FILE.json
 
 Times are worth something only where nothing else runs: medians after a warm-up. In an environment without PyTorch
 Geometric its column stays empty; without FOLDER only meshes that the project generates are measured.
@@ -15,12 +15,9 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
-
-import latency
-from evaluate import load_meshes
-
-from gash_jax.files.atomic import write_json
+from benchmarks.options import parser, saved
+from experiments.neural_gash import latency
+from experiments.neural_gash.evaluate import load_meshes
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
@@ -37,6 +34,7 @@ from gash_jax.shapes.primitives import bumpy_sphere
 RESOLUTIONS = (32, 100, 178, 316)
 MOTIONS = ("cesium_man_walk", "cat_poses", "lion_poses", "cat_run_lowpoly")
 FRAMES, RAYS = 12, 1024
+ROOT = Path(__file__).parents[2]
 
 
 def stages(models: dict[str, Model], mesh: Mesh, reference: Reference) -> dict[str, Any]:
@@ -64,8 +62,8 @@ def stages(models: dict[str, Model], mesh: Mesh, reference: Reference) -> dict[s
 
 def size(model: str, resolution: int) -> dict[str, Any]:
     """Seconds and peak memory of a prediction of one large mesh, in a process of its own."""
-    command = [sys.executable, __file__, "--model", model, "--alone", str(resolution)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-m", "experiments.local.speed", "--model", model, "--alone", str(resolution)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     vertices, first, second, memory = (float(word) for word in done.stdout.split()[-4:])
     return {"vertices": int(vertices), "seconds": second, "first_seconds": first, "peak_mib": memory}
 
@@ -120,10 +118,10 @@ def motion(model: Model, positions: np.ndarray, faces: np.ndarray, rays: int) ->
     return row
 
 
-def main(name: str, folder: Path | None, animated: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
-    models = {"local": load_model(name), "two-stage": load_model("two-stage")}
+def main(model: str, meshes: Path | None, animated: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+    models = {"local": load_model(model), "two-stage": load_model("two-stage")}
     rows = []
-    for label, read in load_meshes(folder, quick).items():
+    for label, read in load_meshes(meshes, quick).items():
         mesh = read()
         reference = make_reference(mesh, rays=256 if quick else REFERENCE_RAYS)
         rows.append({"mesh": label, "vertices": len(mesh.vertices), **stages(models, mesh, reference)})
@@ -132,24 +130,17 @@ def main(name: str, folder: Path | None, animated: Path | None, output: Path | N
     for label, (positions, faces) in _frames(animated, quick).items():
         motions[label] = motion(models["local"], positions, faces, 64 if quick else RAYS)
         print(label, motions[label], flush=True)
-    sizes = [size(name, resolution) for resolution in (RESOLUTIONS[:1] if quick else RESOLUTIONS)]
-    arguments = {"model": Path(name).stem, "rays": 64 if quick else RAYS}
-    results = {**provenance(seed=0, arguments=arguments), "rows": rows, "motions": motions, "sizes": sizes}
-    if output:
-        write_json(output, results)
-    return results
+    sizes = [size(model, resolution) for resolution in (RESOLUTIONS[:1] if quick else RESOLUTIONS)]
+    arguments = {"model": Path(model).stem, "rays": 64 if quick else RAYS}
+    return saved(output, {**provenance(seed=0, arguments=arguments), "rows": rows, "motions": motions, "sizes": sizes})
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", default="local", help="a local model: the shipped name, or a file")
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--animated", type=Path)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--quick", action="store_true", help="small generated meshes: to see that it runs")
-    parser.add_argument("--alone", type=int, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.alone:
-        alone(options.model, options.alone)
+    command = parser(__doc__, "model", "meshes", "output", "quick")
+    command.add_argument("--animated", type=Path, metavar="FOLDER", help="with animations (.npz)")
+    command.add_argument("--alone", type=int, help=argparse.SUPPRESS)
+    given = vars(command.parse_args())
+    if resolution := given.pop("alone"):
+        alone(given["model"], resolution)
     else:
-        main(options.model, options.meshes, options.animated, options.output, options.quick)
+        main(**given)

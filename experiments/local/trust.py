@@ -1,13 +1,11 @@
 """What of `local` can be relied on: does it turn with the mesh, is it exact on convex bodies, does it know its error?
 
-    .venv/bin/python experiments/local/trust.py --meshes FOLDER --output FILE.json
+    .venv/bin/python -m experiments.local.trust --meshes FOLDER --output FILE.json
 
-FOLDER holds .ply files: the meshes of `neural_gash/evaluate.py` that are there are measured, besides those that the
-project generates.
+FOLDER holds .ply files: the meshes of `experiments/neural_gash/evaluate.py` that are there are measured, besides
+those that the project generates.
 """
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
-
-from evaluate import load_meshes
-
+from benchmarks.options import options, saved
+from experiments.neural_gash.evaluate import load_meshes
 from gash_jax.algebra.motors import compose, inverse, motor
 from gash_jax.algebra.sh_rotation import rotate_coefficients
-from gash_jax.files.atomic import write_json
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.surfel_graph import normalised, plan_surfels, planned_graph
 from gash_jax.graph.surfels import surfel_records
@@ -113,7 +108,7 @@ def calibration(model: Model, meshes: dict[str, Any], rays: int) -> dict[str, An
                 "mesh": name,
                 "said": float(np.sqrt(expected.mean())),
                 "found": float(np.sqrt(square.mean())),
-                "rank_correlation": float(np.corrcoef(*ranks)[0, 1]),
+                "rank_correlation": float(np.corrcoef(ranks[0], ranks[1])[0, 1]),
             }
         )
         # every mesh counts alike, however many vertices it has
@@ -128,30 +123,22 @@ def calibration(model: Model, meshes: dict[str, Any], rays: int) -> dict[str, An
     return {"meshes": rows, "tenths": {"said": tenths[0], "found": tenths[1]}}
 
 
-def main(name: str, folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
-    model, meshes = load_model(name), load_meshes(folder, quick)
+def main(model: str, meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+    network, readers = load_model(model), load_meshes(meshes, quick)
     rays = 256 if quick else REFERENCE_RAYS
     rows = []
-    for label, read in meshes.items():
+    for label, read in readers.items():
         mesh = read()
-        rows.append({"mesh": label, **equivariance(model, mesh, 1), "rotor": relative_motors(mesh, 1)})
+        rows.append({"mesh": label, **equivariance(network, mesh, 1), "rotor": relative_motors(mesh, 1)})
         print(rows[-1], flush=True)
     results = {
-        **provenance(seed=1, arguments={"model": Path(name).stem, "rays": rays}),
+        **provenance(seed=1, arguments={"model": Path(model).stem, "rays": rays}),
         "equivariance": rows,
-        "convex": convex(model),
-        "calibration": calibration(model, meshes, rays),
+        "convex": convex(network),
+        "calibration": calibration(network, readers, rays),
     }
-    if output:
-        write_json(output, results)
-    return results
+    return saved(output, results)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", default="local", help="a local model: the shipped name, or a file")
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--quick", action="store_true", help="small generated meshes, few rays: to see that it runs")
-    options = parser.parse_args()
-    main(options.model, options.meshes, options.output, options.quick)
+    main(**options(__doc__, "model", "meshes", "output", "quick"))

@@ -1,26 +1,21 @@
 """Every trained variant on meshes it has never seen, with the paper's tables rebuilt.
 
-    .venv/bin/python experiments/neural_gash/evaluate.py --meshes FOLDER --output FILE.json [--only local]
+    .venv/bin/python -m experiments.neural_gash.evaluate --meshes FOLDER --output FILE.json [--only local]
 
 FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates.
 Times are medians of five after a warm-up, graphs built before unless said. What the stages take: `latency.py`. With
 --only the named model is measured and FILE.json keeps what it says of the others.
 """
 
-import argparse
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from variants import LONG, SHORT, folder_of
-
-from gash_jax.files.atomic import write_json
+from benchmarks.options import parser, saved
+from experiments.neural_gash.variants import LONG, SHORT, folder_of
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.methods import evaluate_mesh
@@ -94,10 +89,10 @@ def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[
     return rows
 
 
-def main(runs: Path, folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+def main(runs: Path, meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
     models, rows = load_models(runs), []
     rays = 256 if quick else REFERENCE_RAYS
-    for name, read in load_meshes(folder, quick).items():
+    for name, read in load_meshes(meshes, quick).items():
         mesh = read()
         reference = make_reference(mesh, rays=rays)
         methods = measure(mesh, models, reference)
@@ -105,16 +100,13 @@ def main(runs: Path, folder: Path | None, output: Path | None, quick: bool) -> d
         skills = {n: m["skill"] for n, m in methods.items() if n in models}
         print(name, len(mesh.vertices), {n: round(s, 2) if isinstance(s, float) else s for n, s in skills.items()})
     runs_of = {name: model.metadata.get("run", {}) for name, model in models.items()}
-    results = {**provenance(seed=0, arguments={"rays": rays}), "runs": runs_of, "rows": rows}
-    if output:
-        write_json(output, results)
-    return results
+    return saved(output, {**provenance(seed=0, arguments={"rays": rays}), "runs": runs_of, "rows": rows})
 
 
-def renew(name: str, folder: Path | None, output: Path) -> dict[str, Any]:
+def renew(name: str, meshes: Path | None, output: Path) -> dict[str, Any]:
     """Measure one model again on the meshes of `output`, and put it in there in place of what that says of it."""
     results = json.loads(output.read_text())
-    model, readers = load_model(name), load_meshes(folder, False)
+    model, readers = load_model(name), load_meshes(meshes, False)
     for row in results["rows"]:
         mesh = readers[row["mesh"]]()
         reference = make_reference(mesh, rays=results["arguments"]["rays"])
@@ -122,19 +114,14 @@ def renew(name: str, folder: Path | None, output: Path) -> dict[str, Any]:
         print(row["mesh"], row["methods"][name]["skill"], flush=True)
     results["runs"][name] = model.metadata.get("run", {})
     results.setdefault("renewed", {})[name] = provenance(seed=0, arguments={"only": name})
-    write_json(output, results)
-    return results
+    return saved(output, results)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--quick", action="store_true", help="small generated meshes, few rays: to see that it runs")
-    parser.add_argument("--only", help="renew this model's part of --output")
-    options = parser.parse_args()
-    if options.only:
-        renew(options.only, options.meshes, options.output)
+    command = parser(__doc__, "runs", "meshes", "output", "quick")
+    command.add_argument("--only", metavar="MODEL", help="renew this model's part of --output")
+    given = vars(command.parse_args())
+    if only := given.pop("only"):
+        renew(only, given["meshes"], given["output"])
     else:
-        main(options.runs, options.meshes, options.output, options.quick)
+        main(**given)

@@ -1,24 +1,18 @@
 """The paper's Tables 3 and 5 rebuilt: what a bake, each stage of the two-stage network and its twin in PyG take.
 
-    .venv-peers/bin/python experiments/neural_gash/latency.py --meshes FOLDER --output FILE.json
+    .venv-peers/bin/python -m experiments.neural_gash.latency --meshes FOLDER --output FILE.json
 
 Apart from `evaluate.py`, because times are worth something only where nothing else runs. Medians after a warm-up. In an
 environment without PyTorch Geometric its column stays empty.
 """
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-
-from evaluate import load_meshes
-
-from gash_jax.files.atomic import write_json
+from benchmarks.options import options, saved
+from experiments.neural_gash.evaluate import load_meshes
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
@@ -40,7 +34,7 @@ def measure(mesh: Mesh, model: Model) -> dict[str, float | None]:
     row: dict[str, float | None] = {"bake": bake, "graph": building, "stage1": stage1, "stage2": both - stage1}
     row |= {"ambient": ambient, "pyg": None}
     try:
-        import pyg_two_stage  # pyright: ignore[reportMissingImports]
+        from benchmarks import pyg_two_stage
     except ImportError:
         return row
     network, nodes = pyg_two_stage.PygTwoStage(model.config, model.params), dict(graph.nodes)  # type: ignore[call-overload]
@@ -49,23 +43,15 @@ def measure(mesh: Mesh, model: Model) -> dict[str, float | None]:
     return row | {"pyg": timed(twin, min(repeats, 3))[1]}
 
 
-def main(name: str, folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
-    model, rows = load_model(name), []
-    for label, read in load_meshes(folder, quick).items():
+def main(model: str, meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+    network, rows = load_model(model), []
+    for label, read in load_meshes(meshes, quick).items():
         mesh = read()
-        rows.append({"mesh": label, "vertices": len(mesh.vertices), **measure(mesh, model)})
+        rows.append({"mesh": label, "vertices": len(mesh.vertices), **measure(mesh, network)})
         print(rows[-1], flush=True)
-    results = {**provenance(seed=0, arguments={"model": Path(name).stem, "rays": BAKE_RAYS}), "rows": rows}
-    if output:
-        write_json(output, results)
-    return results
+    arguments = {"model": Path(model).stem, "rays": BAKE_RAYS}
+    return saved(output, {**provenance(seed=0, arguments=arguments), "rows": rows})
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--model", default="two-stage", help="a two-stage model: a shipped name, or a file")
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--quick", action="store_true", help="small generated meshes: to see that it runs")
-    options = parser.parse_args()
-    main(options.model, options.meshes, options.output, options.quick)
+    main(**options(__doc__, "model", "meshes", "output", "quick", model="two-stage"))

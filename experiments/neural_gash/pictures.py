@@ -1,19 +1,15 @@
-"""Relit pictures of the variants: `.venv/bin/python experiments/neural_gash/pictures.py --output docs/pictures`.
+"""Relit pictures of the variants: `.venv/bin/python -m experiments.neural_gash.pictures --output docs/pictures`.
 
 One picture a mesh, front and back: reference, MLP, two-stage, `local`, and what the last two get wrong. Drawn are two
 meshes that the project generates, and of --meshes those whose pictures may be shown.
 """
 
-import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from evaluate import load_meshes, load_models
-
+from benchmarks.options import options
+from experiments.neural_gash.evaluate import load_meshes, load_models
 from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.light.environment import project_light
@@ -26,10 +22,10 @@ SHOWN = ("generated 1", "generated 2", "spot", "stanford_bunny")
 FULL = 0.3
 
 
-def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> list[Path]:
+def main(runs: Path, meshes: Path | None, output: Path, quick: bool) -> list[Path]:
     models, light, written = load_models(runs), project_light(studio_light(), 3), []
     chosen = [f"{name}-long" if f"{name}-long" in models else name for name in ("mlp", "two-stage")] + ["local"]
-    for name, read in load_meshes(folder, quick).items():
+    for name, read in load_meshes(meshes, quick).items():
         if name not in SHOWN:
             continue
         mesh = read()
@@ -55,10 +51,4 @@ def main(runs: Path, folder: Path | None, output: Path, quick: bool) -> list[Pat
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
-    parser.add_argument("--meshes", type=Path)
-    parser.add_argument("--output", type=Path, required=True)
-    parser.add_argument("--quick", action="store_true")
-    options = parser.parse_args()
-    main(options.runs, options.meshes, options.output, options.quick)
+    main(**options(__doc__, "runs", "meshes", "output", "quick", output="docs/pictures"))

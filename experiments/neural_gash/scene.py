@@ -1,25 +1,20 @@
 """Three lights and a moving object: what a viewer would see of each variant.
 
-    .venv/bin/python experiments/neural_gash/scene.py [--lights FOLDER] --output FILE.json
+    .venv/bin/python -m experiments.neural_gash.scene [--lights FOLDER] --output FILE.json
 
 The scene is generated: a plate with three bodies on it, one of which moves past the others. Every frame is predicted
 anew and held against its bake. Lights as in the GNN paper, 4.4.1: dark, normal, bright; environment maps of a folder,
 or without one the generated studio: of low contrast, as it is, and with its key light ten times as strong.
 """
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from evaluate import load_models
-
+from benchmarks.options import parser, saved
+from experiments.neural_gash.evaluate import load_models
 from gash_jax.apps.pictures.views import cast_view, shade_view
-from gash_jax.files.atomic import write_json
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.environment import load_light, project_light
@@ -63,7 +58,7 @@ def frames(count: int, size: int) -> list[Mesh]:
     return found
 
 
-def lights(folder: Path | None) -> dict[str, np.ndarray]:
+def scene_lights(folder: Path | None) -> dict[str, np.ndarray]:
     """SH lights by name, each scaled to the same mean radiance."""
     if folder:
         found = {name: np.asarray(load_light(folder / file, 3).coefficients) for name, file in MAPS.items()}
@@ -75,13 +70,13 @@ def lights(folder: Path | None) -> dict[str, np.ndarray]:
     return {name: np.asarray(light) / np.asarray(light)[0].mean() for name, light in found.items()}
 
 
-def main(runs: Path, light_folder: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
+def main(runs: Path, lights: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
     meshes = frames(4 if quick else FRAMES, 150 if quick else 2500)
     references = np.stack([bake_transfer(mesh, rays=64 if quick else 4096).coefficients for mesh in meshes])
     methods: dict[str, Any] = {"closed form": lambda mesh: np.asarray(unshadowed_transfer(mesh.normals, 3))}
     methods |= {name: lambda mesh, m=model: m.predict(mesh).coefficients for name, model in load_models(runs).items()}
     methods["plain bake, 16 rays"] = lambda mesh: bake_transfer(mesh, rays=16, replicates=1).coefficients
-    maps, hit, rows = lights(light_folder), cast_view(meshes[0], "front", 64 if quick else 256), {}
+    maps, hit, rows = scene_lights(lights), cast_view(meshes[0], "front", 64 if quick else 256), {}
     for name, predict in methods.items():
         estimates = np.stack([predict(mesh) for mesh in meshes])
         flat = (-1, estimates.shape[-1])
@@ -95,18 +90,11 @@ def main(runs: Path, light_folder: Path | None, output: Path | None, quick: bool
             row[light_name] = metrics.image_scores(*pictures)
         rows[name] = row
         print(name, {key: value if isinstance(value, dict) else round(value, 4) for key, value in row.items()})
-    arguments = {"frames": len(meshes), "lights": "maps" if light_folder else "generated"}
-    results = {**provenance(seed=0, arguments=arguments), "vertices": len(meshes[0].vertices), "rows": rows}
-    if output:
-        write_json(output, results)
-    return results
+    arguments = {"frames": len(meshes), "lights": "maps" if lights else "generated"}
+    return saved(output, {**provenance(seed=0, arguments=arguments), "vertices": len(meshes[0].vertices), "rows": rows})
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
-    parser.add_argument("--lights", type=Path)
-    parser.add_argument("--output", type=Path)
-    parser.add_argument("--quick", action="store_true")
-    options = parser.parse_args()
-    main(options.runs, options.lights, options.output, options.quick)
+    command = parser(__doc__, "runs", "output", "quick")
+    command.add_argument("--lights", type=Path, metavar="FOLDER", help="with environment maps; else generated ones")
+    main(**vars(command.parse_args()))

@@ -1,16 +1,12 @@
 """Train everything that is compared; stopped and started at will.
 
-.venv/bin/python experiments/neural_gash/train.py --runs runs/neural_gash [NAME...]
+.venv/bin/python -m experiments.neural_gash.train --runs runs/neural_gash [NAME...]
 """
 
-import argparse
-import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from variants import run_configs
-
+from benchmarks.options import parser
+from experiments.neural_gash.variants import run_configs
 from gash_jax.apps.progress import progress_bar
 from gash_jax.train.run import run_config
 
@@ -26,8 +22,6 @@ def main(runs: Path, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=Path, default=Path("runs/neural_gash"))
-    parser.add_argument("names", nargs="*")
-    options = parser.parse_args()
-    main(options.runs, options.names)
+    command = parser(__doc__, "runs")
+    command.add_argument("names", nargs="*")
+    main(**vars(command.parse_args()))

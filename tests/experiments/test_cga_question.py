@@ -1,23 +1,20 @@
 """The comparison of encodings: its sweep is what it says, unseen meshes are scored once, intervals by hand."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from docs import cga_table
+from experiments.cga import unseen
+from gash_jax.models.families import build_model, model_config, model_graph
+from gash_jax.models.model import save_model
+from gash_jax.train.sweep import load_sweep
+from tests.helpers.bumpy import bumpy_mesh, random_variables
+
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/cga", "docs")]
-
-import cga_table  # noqa: E402  # pyright: ignore[reportMissingImports]
-import unseen  # noqa: E402  # pyright: ignore[reportMissingImports]
-
-from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
-from gash_jax.models.model import save_model  # noqa: E402
-from gash_jax.train.sweep import load_sweep  # noqa: E402
-from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
 
 
 def test_the_sweep_gives_everyone_the_same_budget_and_shapes() -> None:

@@ -1,26 +1,15 @@
 """The comparison of the variants runs in its quick mode, and the results page is made of what it writes."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in ("experiments/neural_gash", "experiments/local", "docs")]
-
-import evaluate  # noqa: E402  # pyright: ignore[reportMissingImports]
-import latency  # noqa: E402  # pyright: ignore[reportMissingImports]
-import model_cards  # noqa: E402  # pyright: ignore[reportMissingImports]
-import pictures  # noqa: E402  # pyright: ignore[reportMissingImports]
-import results_page  # noqa: E402  # pyright: ignore[reportMissingImports]
-import scene  # noqa: E402  # pyright: ignore[reportMissingImports]
-import speed  # noqa: E402  # pyright: ignore[reportMissingImports]
-import trust  # noqa: E402  # pyright: ignore[reportMissingImports]
-import variants  # noqa: E402  # pyright: ignore[reportMissingImports]
-
-from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
-from gash_jax.models.model import save_model  # noqa: E402
-from tests.helpers.bumpy import bumpy_mesh, random_variables  # noqa: E402
+from docs import results_page
+from experiments.local import speed, trust
+from experiments.neural_gash import evaluate, latency, pictures, scene, variants
+from gash_jax.models.families import build_model, model_config, model_graph
+from gash_jax.models.model import save_model
+from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
 HEADER = (
@@ -83,13 +72,3 @@ def test_the_moving_scene_keeps_its_vertices() -> None:
     assert (first.faces == second.faces).all()
     moved = (first.vertices != second.vertices).any(axis=1)
     assert 0.1 < moved.mean() < 0.6
-
-
-def test_the_committed_page_is_the_generated_one() -> None:
-    assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == results_page.committed_page()
-
-
-def test_the_committed_model_cards_are_the_generated_ones() -> None:
-    text = (ROOT / "docs" / "model_cards.md").read_text(encoding="utf-8")
-    assert text == model_cards.committed_cards()
-    assert all(f"## `{name}`" in text for name in ("local", "mlp", "two-stage"))

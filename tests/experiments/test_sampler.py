@@ -1,16 +1,10 @@
 """The sampler question: known figures of the published rule, its five coincident directions, the exact values."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "experiments" / "sampler"))
-
-import sampler  # noqa: E402  # pyright: ignore[reportMissingImports]
-
-from gash_jax.algebra.directions import spherical_fibonacci  # noqa: E402
+from experiments.sampler import sampler
+from gash_jax.algebra.directions import spherical_fibonacci
 
 
 def test_five_of_the_25_directions_coincide() -> None:

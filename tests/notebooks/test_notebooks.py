@@ -6,7 +6,8 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from nbclient import NotebookClient
+
+from notebooks.execute import executed
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
 # Jupyter's own libraries announce their future to everyone who uses them
@@ -24,10 +25,8 @@ def test_all_five_are_there() -> None:
 def test_it_runs(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GASH_SHORT", "1")
     monkeypatch.setenv("JAX_NUMPY_RANK_PROMOTION", "allow")
-    notebook = nbformat.read(path, as_version=4)
+    notebook = executed(path, timeout=300)
     nbformat.validate(notebook)
-    resources = {"metadata": {"path": str(path.parent)}}
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert not [output for output in outputs if output.output_type == "error"]
     assert any("image/png" in output.get("data", {}) for output in outputs)
@@ -39,5 +38,5 @@ def test_it_was_committed_executed_and_names_no_machine(path: Path) -> None:
     assert not re.search(r"/(home|root|Users|work|tmp)/", text) and os.path.expanduser("~") + "/" not in text
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert all(cell.execution_count for cell in code), "run notebooks/execute.py"
+    assert all(cell.execution_count for cell in code), "run .venv/bin/python -m notebooks.execute"
     assert "Traceback" not in text

@@ -34,7 +34,8 @@ the twist does not matter. Nothing absolute enters: the prediction turns with th
 
 *Errors.* After its coefficients the network learns to predict, per band, the mean square error of itself and that of
 the closed form, from the same z. Where it expects to be worse than the closed form, it is drawn towards it
-(`fall_back`)."""
+(`fall_back`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Write the tables of the documents from docs/results/*.json: `.venv/bin/python docs/write_tables.py`.
+"""Tables inside documents that are otherwise written by hand, from docs/results/*.json.
 
 Text between <!-- NAME --> and <!-- /NAME --> is replaced; nothing in those tables is typed by hand. The results are
 copies of what `make demo` wrote, and what the scripts of benchmarks/ and experiments/ write with --output.
@@ -6,16 +6,14 @@ copies of what `make demo` wrote, and what the scripts of benchmarks/ and experi
 
 import json
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(Path(__file__).parent))
+from docs import baking_tables
+from docs.baking_tables import origin
 
-import baking_tables
-from baking_tables import origin
+ROOT = Path(__file__).parents[1]
 
 
 def _cell(value: Any, digits: int) -> str:
@@ -103,12 +101,3 @@ def documents(root: Path = ROOT) -> dict[str, str]:
         text = texts.get(table.document) or (root / table.document).read_text(encoding="utf-8")
         texts[table.document] = fill(text, table.name, table.render(result))
     return texts
-
-
-def main() -> None:
-    for name, text in documents().items():
-        (ROOT / name).write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

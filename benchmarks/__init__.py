@@ -1,0 +1,1 @@
+"""Speed, and error against rays; never in a test. From the root: `.venv/bin/python -m benchmarks.NAME --help`."""

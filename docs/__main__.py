@@ -1,0 +1,21 @@
+"""Write everything in the documents that is generated: `.venv/bin/python -m docs` from the repository root.
+
+Tables come from docs/results/*.json, copies of what `make demo` wrote and of what the scripts of benchmarks/ and
+experiments/ wrote with --output; the graph of rooms comes from the imports themselves. A test compares.
+"""
+
+from docs.model_cards import committed_cards
+from docs.results_page import committed_page
+from docs.rooms import document as rooms
+from docs.tables import ROOT, documents
+
+
+def generated() -> dict[str, str]:
+    """Every document with a generated part, by its path from the root, as it should be."""
+    cards, page = committed_cards(), committed_page()
+    return {**documents(), "CONTRIBUTING.md": rooms(), "docs/model_cards.md": cards, "docs/results.md": page}
+
+
+if __name__ == "__main__":
+    for name, text in generated().items():
+        (ROOT / name).write_text(text, encoding="utf-8")
