@@ -59,7 +59,8 @@ def test_mixed_forms_polygons_and_odd_writing() -> None:
 )
 def test_against_a_reader_line_by_line(polygons) -> None:
     forms = ("{v}", "{v}/1", "{v}//2", "{v}/1/2")
-    lines = [f"v {i} 0 {i * i}" for i in range(9)] + ["vt 0 0", "vn 1 0 0", "vn 0 1 0"]
+    lines = [f"v {i} {i} {i}" for i in range(9)]  # on a line: every polygon is cut as a fan
+    lines += ["vt 0 0", "vn 1 0 0", "vn 0 1 0"]
     expected = []
     for polygon in polygons:
         lines.append("f " + " ".join(forms[form].format(v=v - 10 if back else v) for v, form, back in polygon))
@@ -88,7 +89,7 @@ def test_opposite_normals_leave_none() -> None:
     [
         (THREE + "f 1 2 x\n", "not a number"),
         (THREE + "f 1/2/3/4 2 3\n", "not of the form"),
-        (THREE + "f 1/ 2/ 3/\n", "not of the form"),
+        (THREE + "f /1 /2 /3\n", "not of the form"),
         (THREE + "v 1 2\n", "vertex 3 has fewer"),
         (THREE + "v\nf 1 2 3\n", "line without numbers"),
         (THREE + "v 1,5 2 3\n", "not a number"),

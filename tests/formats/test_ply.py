@@ -108,7 +108,7 @@ def test_every_truncation_is_noticed(kind: str) -> None:
         ),
         (ply_ascii(POINTS, [[0, 1]]).replace(b"\n2 0 1", b"\n-2 0 1"), "negative"),
         (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"3 0 one 2"), "'one' is not a number"),
-        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"9 0 1 2"), "cut off"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"9 0 1 2"), "line 16 of the PLY file has too few"),
         (ply_binary(POINTS, [[0, 1, 2]]).replace(b"vertex 5", b"vertex 4000000000"), "cut off"),
         (
             ply_ascii(POINTS, [[0, 1, 2]]).replace(b"element face", b"element tristrips"),
