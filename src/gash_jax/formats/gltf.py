@@ -8,7 +8,6 @@ does to them at rest, G B with G the joint's place and B its inverse bind matrix
 count then, as glTF says. Materials and animations are ignored.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,7 +47,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
         if "mesh" not in node:
             continue
         mesh = document.json["meshes"][node["mesh"]]
-        weights = node.get("weights", mesh.get("weights", ()))
+        weights = [float(weight) for weight in node.get("weights", mesh.get("weights", ()))]
         found = [_piece(document, primitive, weights) for primitive in mesh["primitives"]]
         pieces = [piece for piece in found if piece is not None]
         skipped += len(found) - len(pieces)
@@ -72,7 +71,7 @@ def _placed(pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int
     turns = places[:, :3, :3]
     moved = [p.points @ turns.transpose(0, 2, 1) + places[:, None, :3, 3] for p in pieces]
     inverse = np.linalg.pinv(turns)
-    tilts = [normalized((p.normals @ inverse).reshape(-1, 3)).reshape(len(places), -1, 3) for p in pieces]
+    tilts = [normalized((p.normals @ inverse).reshape(-1, 3)).reshape(len(places), *p.points.shape) for p in pieces]
     offsets = np.cumsum([0] + [len(piece.points) for piece in pieces[:-1]])
     triangles = np.concatenate([p.triangles + offset for p, offset in zip(pieces, offsets, strict=True)])
     mirrored = (np.linalg.det(turns) < 0)[:, None, None]
@@ -106,7 +105,7 @@ def _node_places(
     return place @ matrices
 
 
-def _piece(document: Document, primitive: dict[str, Any], weights: Sequence[float]) -> _Piece | None:
+def _piece(document: Document, primitive: dict[str, Any], weights: list[float]) -> _Piece | None:
     """A primitive with its morph targets applied; None for points and lines."""
     attributes = primitive["attributes"]
     if not document.has_data(attributes["POSITION"]):
