@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gash_jax.formats.obj import read_obj
-from gash_jax.geometry.mesh import MeshError
-from tests.geometry.mesh_files import obj, tempting_mesh
+from gash_jax.geometry.mesh import MeshError, vector_areas
+from tests.geometry.mesh_files import CUBE, CUBE_FACES, CUBE_QUADS, obj, tempting_mesh
 
 THREE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -59,7 +59,8 @@ def test_mixed_forms_polygons_and_odd_writing() -> None:
 )
 def test_against_a_reader_line_by_line(polygons) -> None:
     forms = ("{v}", "{v}/1", "{v}//2", "{v}/1/2")
-    lines = [f"v {i} 0 {i * i}" for i in range(9)] + ["vt 0 0", "vn 1 0 0", "vn 0 1 0"]
+    lines = [f"v {i} {i} {i}" for i in range(9)]  # on a line: every polygon is cut as a fan
+    lines += ["vt 0 0", "vn 1 0 0", "vn 0 1 0"]
     expected = []
     for polygon in polygons:
         lines.append("f " + " ".join(forms[form].format(v=v - 10 if back else v) for v, form, back in polygon))
@@ -88,17 +89,20 @@ def test_opposite_normals_leave_none() -> None:
     [
         (THREE + "f 1 2 x\n", "not a number"),
         (THREE + "f 1/2/3/4 2 3\n", "not of the form"),
-        (THREE + "f 1/ 2/ 3/\n", "not of the form"),
+        (THREE + "f /1 /2 /3\n", "not of the form"),
         (THREE + "v 1 2\n", "vertex 3 has fewer"),
         (THREE + "v\nf 1 2 3\n", "line without numbers"),
         (THREE + "v 1,5 2 3\n", "not a number"),
+        (THREE + "f 1.5 2 3\n", "not a whole number"),
+        (THREE + "f 1 2 1e30\n", "not a whole number"),
+        (("v 1 2 3\n" + THREE).encode("utf-16").decode("latin-1"), "UTF-16 text: save it as UTF-8"),
         (THREE + "vn 0 0 1\nf 1//1 2//1 3//2\n", "`vn` line that does not exist"),
         (THREE + "vn 0 0\nf 1//1 2//1 3//1\n", "fewer than 3"),
     ],
 )
 def test_bad_files(text: str, message: str) -> None:
     with pytest.raises(MeshError, match=message):
-        read_obj(text.encode())
+        read_obj(text.encode("latin-1"))
 
 
 @pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "hello\nworld\n", "vn 1 0 0\n"])
@@ -111,3 +115,36 @@ def test_no_mesh_at_all(text: str) -> None:
 def test_indices_out_of_range_come_out_of_range(index: int) -> None:
     faces = np.array(_faces(THREE + f"f 1 2 {index}\n"))
     assert np.any((faces < 0) | (faces > 2))
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("form", ["{0}/", "{0}//", "{0}/1/", "{0}/\t"])
+def test_the_cube_with_numbers_left_out(form: str, mark: bytes, end: str) -> None:
+    """The byte order mark stands right before the first `v`."""
+    lines = ["v {} {} {}".format(*point) for point in CUBE] + ["vt 0 0"]
+    lines += ["f " + " ".join(form.format(corner + 1) for corner in quad) for quad in CUBE_QUADS]
+    raw = read_obj(mark + end.join(lines).encode())
+    np.testing.assert_array_equal(raw.vertices, CUBE)
+    np.testing.assert_array_equal(raw.faces, CUBE_FACES)
+    assert raw.normals is None and raw.notes == ()
+
+
+@pytest.mark.parametrize(
+    "line", ["# made in C:\\work\\", "mtllib D:\\materials\\", "usemtl a\\  ", "  o x\\", "g b \\"]
+)
+def test_backslashes_that_end_a_comment_or_a_name(line: str) -> None:
+    """The next line stays a line, at the beginning and in the middle; a face is still continued."""
+    text = f"{line}\n{THREE}{line}\nv 5 5 5\nf 1 2 \\\n 3\n{line}\n"
+    raw = read_obj(text.encode())
+    np.testing.assert_array_equal(raw.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]])
+    assert raw.faces.tolist() == [[0, 1, 2]]
+
+
+def test_polygons_are_cut_inside_their_outline() -> None:
+    """An L, 5 by 5 less 4 by 4, whose fan from its first corner would cover part of the notch."""
+    text = "v 0 0 0\nv 5 0 0\nv 5 1 0\nv 1 1 0\nv 1 5 0\nv 0 5 0\nf 2 3 4 5 6 1\nf 3 4 5\n"
+    raw = read_obj(text.encode())
+    areas = vector_areas(raw.vertices, raw.faces[:4])[:, 2]
+    assert areas.sum() == areas[areas > 0].sum() == 9 and raw.faces[4].tolist() == [2, 3, 4]
+    assert raw.notes == ("1 polygon with concave or straight corners: cut inside the outline, not as a fan",)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from gash_jax.formats.off import read_off
-from gash_jax.geometry.mesh import MeshError
+from gash_jax.geometry.mesh import MeshError, vector_areas
 from gash_jax.shapes.primitives import icosphere
-from tests.geometry.mesh_files import exported, off, tempting_mesh
+from tests.geometry.mesh_files import CUBE, CUBE_FACES, CUBE_QUADS, exported, off, tempting_mesh
 
 
 def test_order_is_sacred() -> None:
@@ -61,8 +61,49 @@ def test_every_truncation_is_noticed() -> None:
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "fewer corners"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n-3 0 1\n", "fewer corners"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 one 0\n3 0 1 2\n", "'one' is not a number"),
+        (b"OFF\n3.5 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "not a whole number"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2.5 0 1 2\n", "not a whole number"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 1.5\n", "not a whole number"),
+        ("OFF\n3 1 0\n".encode("utf-16"), "UTF-16"),
+        (b"OFFICE\n3 1 0\n", "does not begin with OFF"),
+        (b"4OFF\n3 1 0\n", "does not begin with OFF"),
     ],
 )
 def test_bad_files(data: bytes, message: str) -> None:
     with pytest.raises(MeshError, match=message):
         read_off(data)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize(
+    ("head", "notes"),
+    [
+        (b"OFF\n", ()),
+        (b"OFF", ()),  # glued to the counts
+        (b"OFF ", ()),
+        (b"\xef\xbb\xbfOFF", ()),
+        (b" \n\tOFF\n", ("white space before the word OFF: skipped",)),
+        (b"\nOFF", ("white space before the word OFF: skipped",)),
+    ],
+)
+def test_the_cube_with_odd_heads(head: bytes, notes: tuple[str, ...], end: bytes) -> None:
+    data = head + off(CUBE, CUBE_QUADS).removeprefix(b"OFF\n")
+    raw = read_off(data.replace(b"\n", end))
+    np.testing.assert_array_equal(raw.vertices, CUBE)
+    np.testing.assert_array_equal(raw.faces, CUBE_FACES)
+    assert raw.notes == notes
+
+
+def test_normals_after_a_glued_head() -> None:
+    rows = b"0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n"
+    np.testing.assert_array_equal(read_off(b"NOFF3 1 0\n" + rows).normals, [[0, 0, 1]] * 3)
+
+
+def test_polygons_are_cut_inside_their_outline() -> None:
+    """An arrow head that begins beside its notch, and a side with a corner amid its first edge: 2 and 1."""
+    rows = b"0 0 0\n1 1 0\n2 0 0\n1 3 0\n3 0 0\n4 0 0\n4 1 0\n3 1 0\n3.5 0 0\n4 0 1 2 3\n5 4 8 5 6 7\n"
+    raw = read_off(b"OFF\n9 2 0\n" + rows)
+    areas = vector_areas(raw.vertices, raw.faces)[:, 2]
+    np.testing.assert_allclose(areas[:2], [1, 1])
+    assert areas[2:].min() > 0.2 and areas[2:].sum() == pytest.approx(1)
+    assert raw.notes == ("2 polygons with concave or straight corners: cut inside the outline, not as a fan",)

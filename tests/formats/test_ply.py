@@ -7,9 +7,9 @@ import trimesh
 from gash_jax.files.atomic import FileError
 from gash_jax.formats import ply as ply_io
 from gash_jax.formats.ply import read_ply, write_ply
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, vector_areas
 from gash_jax.shapes.primitives import bumpy_sphere
-from tests.geometry.mesh_files import exported, ply_ascii, ply_binary, tempting_mesh
+from tests.geometry.mesh_files import CUBE, CUBE_FACES, CUBE_QUADS, exported, ply_ascii, ply_binary, tempting_mesh
 
 POLYGONS = [[0, 1, 2], [2, 1, 3, 4], [0, 1, 2, 3, 4], [4, 3, 2], [1, 0]]
 FANNED = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 3, 2]]
@@ -108,7 +108,11 @@ def test_every_truncation_is_noticed(kind: str) -> None:
         ),
         (ply_ascii(POINTS, [[0, 1]]).replace(b"\n2 0 1", b"\n-2 0 1"), "negative"),
         (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"3 0 one 2"), "'one' is not a number"),
-        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"9 0 1 2"), "cut off"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"9 0 1 2"), "line 16 of the PLY file has too few"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"3 0 1 1.5"), "not a whole number"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).replace(b"3 0 1 2", b"2.5 0 1 2"), "not a whole number"),
+        (ply_ascii(POINTS, [[0, 1, 2]]).decode().encode("utf-16"), "UTF-16 text: save it as UTF-8"),
+        (b"ply\nformat binary_big_endian 1.0\nelement vertex 99999999999\nend_header\n", "x, y"),
         (ply_binary(POINTS, [[0, 1, 2]]).replace(b"vertex 5", b"vertex 4000000000"), "cut off"),
         (
             ply_ascii(POINTS, [[0, 1, 2]]).replace(b"element face", b"element tristrips"),
@@ -119,3 +123,78 @@ def test_every_truncation_is_noticed(kind: str) -> None:
 def test_bad_files(data: bytes, message: str) -> None:
     with pytest.raises(MeshError, match=message):
         read_ply(data)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_cube_with_marks_and_line_ends(kind: str, mark: bytes, end: bytes) -> None:
+    head, body = WRITERS[kind](CUBE, CUBE_QUADS).split(b"end_header\n")
+    text = (head + b"end_header\n").replace(b"\n", end)
+    raw = read_ply(mark + text + (body.replace(b"\n", end) if kind == "ascii" else body))
+    np.testing.assert_array_equal(raw.vertices, CUBE)
+    np.testing.assert_array_equal(raw.faces, CUBE_FACES)
+    assert raw.notes == ()
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_body_that_begins_like_a_line_end(order: str) -> None:
+    """The first byte after a header of CR line ends is a colour that reads as LF."""
+    data = ply_binary(CUBE, CUBE_QUADS, order)
+    head, body = data.split(b"end_header\n")
+    data = (head + b"end_header\n").replace(b"\n", b"\r") + b"\n" + body[1:]
+    np.testing.assert_array_equal(read_ply(data).vertices, CUBE)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_header_lines_of_no_keyword_are_skipped_and_noted(kind: str) -> None:
+    """A comment broken over two lines, as an old exporter did."""
+    data = WRITERS[kind](CUBE, CUBE_QUADS)
+    broken = b"comment exported by a program\nwith a name of two lines\nelement vertex"
+    raw = read_ply(data.replace(b"element vertex", broken))
+    np.testing.assert_array_equal(raw.faces, CUBE_FACES)
+    assert raw.notes == ("the PLY header line 'with a name of two lines' has no known keyword: skipped",)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_property_line_that_became_unreadable_is_no_comment(kind: str) -> None:
+    """Skipping it would shift everything after it."""
+    data = WRITERS[kind](CUBE, CUBE_QUADS)
+    extra = b"property int extra\nend_header" if kind == "ascii" else b"propeXty short flag"
+    spoilt = data.replace(b"end_header" if kind == "ascii" else b"property short flag", extra)
+    with pytest.raises(MeshError, match="too few or too many|cannot read the PLY header line|cut off|negative"):
+        read_ply(spoilt)
+
+
+ROWS = {
+    "a number missing": (b"\n0.0 0.0 1.0\n", b"\n0.0 0.0\n", "line 12 .* 'vertex'"),
+    "a number too many": (b"\n0.0 0.0 1.0\n", b"\n0.0 0.0 1.0 7\n", "line 12 .* 'vertex'"),
+    "a row broken": (b"\n0.0 0.0 1.0\n", b"\n0.0\n0.0 1.0\n", "line 12 .* 'vertex'"),
+    "two rows joined": (b"\n0.0 0.0 1.0\n", b" 0.0 0.0 1.0\n", "line 11 .* 'vertex'"),
+    "a corner missing": (b"\n4 4 6 7 5\n", b"\n4 4 6 7\n", "line 20 .* 'face'"),
+    "a corner too many": (b"\n4 4 6 7 5\n", b"\n4 4 6 7 5 5\n", "line 20 .* 'face'"),
+    "lists broken": (b"\n4 ", b"\n4\n", "line 19 .* 'face'"),
+    "after an empty line": (b"\n4 4 6 7 5\n", b"\n\n4 4 6 7\n", "line 21 .* 'face'"),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_rows_are_bounded_by_their_lines(name: str) -> None:
+    """Of the cube with its header of ten lines; nothing is taken from the next line, and the line is named."""
+    old, new, message = ROWS[name]
+    data = ply_ascii(CUBE, CUBE_QUADS)
+    assert old in data
+    with pytest.raises(MeshError, match=message):
+        read_ply(data.replace(old, new))
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_polygons_are_cut_inside_their_outline(kind: str) -> None:
+    """A cross of five unit squares, from any corner: F 10, area 5."""
+    cross = [[1, 0], [2, 0], [2, 1], [3, 1], [3, 2], [2, 2], [2, 3], [1, 3], [1, 2], [0, 2], [0, 1], [1, 1]]
+    points = np.concatenate([np.array(cross), np.zeros((12, 1))], axis=1)
+    for start in range(12):
+        raw = read_ply(WRITERS[kind](points, [np.roll(np.arange(12), start).tolist()]))
+        areas = vector_areas(raw.vertices, raw.faces)[:, 2]
+        assert len(raw.faces) == 10 and (areas > 0).all() and areas.sum() == pytest.approx(5)
+        assert "cut inside the outline" in raw.notes[0]

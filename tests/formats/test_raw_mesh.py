@@ -3,16 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gash_jax.formats.raw_mesh import fan_triangulate, leading_columns, parse_rows
+from gash_jax.formats.raw_mesh import leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.geometry.mesh import MeshError
-
-
-def test_fans_of_polygons() -> None:
-    faces, notes = fan_triangulate(np.array([5, 6, 7, 1, 2, 3, 4, 8, 9, 0, 1, 2, 3, 4]), np.array([3, 4, 2, 5]))
-    np.testing.assert_array_equal(faces, [[5, 6, 7], [1, 2, 3], [1, 3, 4], [0, 1, 2], [0, 2, 3], [0, 3, 4]])
-    assert notes == ("1 polygon of fewer than three corners: left out",)
-    nothing, none = fan_triangulate(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    assert nothing.shape == (0, 3) and none == ()
 
 
 @settings(max_examples=50, deadline=None)
@@ -37,3 +29,23 @@ def test_columns() -> None:
     with pytest.raises(MeshError, match="vertex 1 has fewer than 4"):
         leading_columns(numbers, starts, 4)
     assert leading_columns(*parse_rows(b""), 3).shape == (0, 3)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_plain_text(end: str, mark: bytes) -> None:
+    assert plain_text(mark + end.join(["v 1 2 3", "", "f 1 2 3", ""]).encode()) == b"v 1 2 3\n\nf 1 2 3\n"
+
+
+@pytest.mark.parametrize("coding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be"])
+def test_wide_text_is_refused_by_its_name(coding: str) -> None:
+    with pytest.raises(MeshError, match="UTF-16 text: save it as UTF-8"):
+        plain_text("v 1 2 3\nv 4 5 6\n".encode(coding))
+    assert plain_text(b"v 1\0 2 3\n")  # a zero here and there is damage, for others to say
+
+
+def test_whole_numbers() -> None:
+    np.testing.assert_array_equal(whole_numbers(np.array([3.0, -1.0, 2.0**52]), "a corner"), [3, -1, 2**52])
+    for bad in (0.5, np.nan, np.inf, 2.0**53, -1e300):
+        with pytest.raises(MeshError, match="a corner that is not a whole number"):
+            whole_numbers(np.array([1.0, bad]), "a corner")

@@ -4,7 +4,7 @@ import pytest
 from gash_jax.formats.stl import read_stl
 from gash_jax.geometry.mesh import MeshError
 from gash_jax.shapes.primitives import icosphere
-from tests.geometry.mesh_files import exported, stl_ascii, stl_binary, tempting_mesh
+from tests.geometry.mesh_files import CUBE, CUBE_FACES, exported, stl_ascii, stl_binary, tempting_mesh
 
 VERTICES, FACES = tempting_mesh()
 CORNERS = VERTICES[FACES]
@@ -53,3 +53,24 @@ def test_every_truncation_is_noticed(write) -> None:
 def test_bad_files(data: bytes, message: str) -> None:
     with pytest.raises(MeshError, match=message):
         read_stl(data)
+
+
+@pytest.mark.parametrize("spare", [1, 49, 50, 1000])
+def test_bytes_after_the_last_facet_are_noted(spare: int) -> None:
+    raw = read_stl(stl_binary(CUBE[CUBE_FACES]) + b"\x01" * spare)
+    np.testing.assert_array_equal(raw.vertices, CUBE[CUBE_FACES].reshape(-1, 3))
+    noun = "byte" if spare == 1 else "bytes"
+    assert raw.notes == (f"{spare} {noun} after the last facet that the STL file announces: left out",)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_the_cube_in_text_with_marks_and_line_ends(mark: bytes, end: bytes) -> None:
+    raw = read_stl(mark + stl_ascii(CUBE[CUBE_FACES]).replace(b"\n", end))
+    np.testing.assert_array_equal(raw.vertices, CUBE[CUBE_FACES].reshape(-1, 3))
+    assert raw.notes == ()
+
+
+def test_wide_text_is_refused_by_its_name() -> None:
+    with pytest.raises(MeshError, match="UTF-16 text"):
+        read_stl(stl_ascii(CORNERS).decode().encode("utf-16"))

@@ -16,6 +16,11 @@ def tempting_mesh() -> tuple[np.ndarray, np.ndarray]:
     return np.array(vertices, dtype=np.float32), np.array(faces)
 
 
+CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float32)
+CUBE_QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+CUBE_FACES = np.array([[q[0], q[i], q[i + 1]] for q in CUBE_QUADS for i in (1, 2)])  # as fans
+
+
 def exported(mesh: Mesh, kind: str, **more) -> bytes:
     """The file another library writes."""
     text = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type=kind, **more)

@@ -1,9 +1,14 @@
+import time
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from gash_jax.geometry.mesh import concatenate, transform
+from gash_jax.geometry import nesting
+from gash_jax.geometry.health import prepare_mesh
+from gash_jax.geometry.mesh import Mesh, concatenate, transform
 from gash_jax.geometry.nesting import containment
-from gash_jax.shapes.primitives import box, icosphere, torus
+from gash_jax.shapes.primitives import box, bumpy_sphere, icosphere, torus
 from tests.helpers.bumpy import random_rotation
 
 
@@ -11,7 +16,11 @@ def _inside(*meshes, solid=None) -> np.ndarray:
     scene = concatenate(meshes)
     sheet = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     chosen = np.ones(len(meshes), dtype=bool) if solid is None else np.array(solid)
-    return containment(scene.vertices[scene.faces].astype(np.float64), sheet, chosen)
+    pairs = containment(scene.vertices[scene.faces].astype(np.float64), sheet, chosen)
+    inside = np.zeros((np.count_nonzero(chosen),) * 2, dtype=bool)
+    inside[tuple(pairs.T)] = True
+    assert len(pairs) == inside.sum()
+    return inside
 
 
 def test_shells_within_shells() -> None:
@@ -47,3 +56,52 @@ def test_a_ball_that_looks_out_is_not_inside() -> None:
     shape = torus(1.0, 0.3)
     half_out = transform(icosphere(2), None, np.array([0.7, 0, 0]), 0.15)
     assert not _inside(shape, half_out).any()
+
+
+def _scattered(seed: int) -> list[Mesh]:
+    """Bumpy balls of many sizes, half of them crowded round the origin: disjoint, nested and crossing."""
+    rng = np.random.default_rng(seed)
+    scales = 10 ** rng.uniform(-1.5, 0.3, size=60)
+    return [
+        transform(bumpy_sphere(2), random_rotation(i), rng.normal(size=3) * (i % 2), s) for i, s in enumerate(scales)
+    ]
+
+
+@pytest.mark.parametrize("at_once", [1, 50, 1 << 20])
+def test_against_the_definition_pair_by_pair(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All sheets against all, all rays against all triangles, by solid angle instead of crossings."""
+    monkeypatch.setattr(nesting, "_AT_ONCE", at_once)
+    meshes = _scattered(3)
+    turn = nesting.Rotation.from_rotvec([0.613, -1.127, 0.829]).as_matrix()
+    corners = [mesh.vertices[mesh.faces].astype(np.float64) @ turn.T for mesh in meshes]
+    expected = np.zeros((len(meshes),) * 2, dtype=bool)
+    for i, inner in enumerate(corners):
+        picks = np.linspace(0, len(inner) - 1, nesting.SAMPLES).astype(np.int64)
+        for j, outer in enumerate(corners):
+            within = np.all(inner.min((0, 1)) > outer.min((0, 1))) and np.all(inner.max((0, 1)) < outer.max((0, 1)))
+            expected[i, j] = within and all(_solid_angle(outer - p) > 2 * np.pi for p in inner[picks].mean(axis=1))
+    assert 20 < expected.sum() < 1000
+    np.testing.assert_array_equal(_inside(*meshes), expected)
+
+
+def _solid_angle(triangles: np.ndarray) -> float:
+    """Of triangles seen from the origin (van Oosterom & Strackee 1983): 4 pi inside a closed surface, 0 outside."""
+    a, b, c = np.moveaxis(triangles / np.linalg.norm(triangles, axis=-1, keepdims=True), 1, 0)
+    cosines = 1 + (a * b).sum(-1) + (b * c).sum(-1) + (c * a).sum(-1)
+    return float(2 * np.arctan2((a * np.cross(b, c)).sum(-1), cosines).sum())
+
+
+def test_twenty_thousand_parts_take_seconds_and_little_memory() -> None:
+    """Ten thousand hollow boxes: the walls of a hollow lie inside one box and face into it, as the file says."""
+    cube, count = box(), 10_000
+    place = np.stack(np.unravel_index(np.arange(count), (22, 22, 22)), axis=1)[:, None] * 2.0
+    vertices = np.concatenate([cube.vertices + place, cube.vertices * 0.5 + place]).reshape(-1, 3)
+    faces = np.concatenate([np.tile(cube.faces, (count, 1, 1)), np.tile(cube.faces[:, ::-1], (count, 1, 1))])
+    faces = (faces + len(cube.vertices) * np.arange(2 * count)[:, None, None]).reshape(-1, 3)
+    tracemalloc.start()
+    start = time.process_time()
+    _, report = prepare_mesh(vertices, faces)
+    seconds, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert report.counts["inward_surfaces"] == 0 and report.counts["seamed_surfaces"] == 2 * count
+    assert seconds < 5 and peak < 1 << 30

@@ -13,3 +13,11 @@ def shared_file(name: str) -> Path:
     if not path.exists():
         pytest.skip(f"needs the optional data folder: ../shared/data/{name} is absent")
     return path
+
+
+def shared_case(name: str) -> Path:
+    """Path of a file of the optional folder of inputs that once went wrong, or skip the test."""
+    path = SHARED / "cases" / name
+    if not path.exists():
+        pytest.skip(f"needs the optional cases folder: ../shared/cases/{name} is absent")
+    return path

@@ -1,46 +1,94 @@
-"""Files that are whole or absent: written to a temporary name beside the target, then renamed."""
+"""Files that are whole or absent: written to a temporary name beside the target, then renamed.
 
+The target may be a symbolic link: the file it points to is replaced, the link stays. What is no ordinary file (a
+folder, a device, a pipe), is write-protected or is one of the inputs under any name is refused before any work.
+"""
+
+import errno
 import json
 import os
+import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 
 
 class FileError(ValueError):
     """A file cannot be read or written; the message is one line that says what to do."""
 
 
-def check_writable(path: str | Path) -> Path:
-    """Fail before hours of work, not after: the folder must exist and be writable, the path must not be a folder."""
+def check_writable(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
+    """Fail before hours of work, not after; returns the file that would be written, links followed.
+
+    Raises FileError if `path` is no place for an ordinary file, cannot be written, or is the same file as one of
+    `inputs`, whatever both are called (relative, by a link, in other letters where these do not count).
+    """
     path = Path(path)
-    if path.is_dir():
-        raise FileError(f"cannot write {path}: it is a folder, give a file name")
-    if not path.parent.is_dir():
-        raise FileError(f"cannot write {path}: the folder {path.parent} does not exist, create it first")
-    if not os.access(path.parent, os.W_OK):
-        raise FileError(f"cannot write {path}: no permission to write in {path.parent}")
+    target = _followed(path)
     try:
-        with tempfile.TemporaryFile(dir=path.parent):
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        mode = None  # no such file yet
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror}") from None
+    if mode is not None:
+        _check_replaceable(path, target, mode, inputs)
+    if not target.parent.is_dir():
+        raise FileError(f"cannot write {path}: the folder {target.parent} does not exist, create it first")
+    if not os.access(target.parent, os.W_OK):
+        raise FileError(f"cannot write {path}: no permission to write in {target.parent}")
+    try:
+        with tempfile.TemporaryFile(dir=target.parent):
             pass
     except OSError as error:
         raise FileError(f"cannot write {path}: {error.strerror}") from None
-    return path
+    return target
+
+
+def _followed(path: Path) -> Path:
+    """The file that a path leads to, through symbolic links; the path itself if it is none."""
+    try:
+        return path.resolve() if path.is_symlink() else path
+    except RuntimeError:  # up to Python 3.12; later ones leave it to the system
+        raise FileError(f"cannot write {path}: it is a link that leads in a circle") from None
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _check_replaceable(path: Path, target: Path, mode: int, inputs: Iterable[str | Path]) -> None:
+    if stat.S_ISDIR(mode):
+        raise FileError(f"cannot write {path}: it is a folder, give a file name")
+    if not stat.S_ISREG(mode):
+        raise FileError(f"cannot write {path}: it is a device or a pipe, give the name of an ordinary file")
+    for source in inputs:
+        if os.path.exists(source) and os.path.samefile(source, target):
+            raise FileError(f"cannot write {path}: it is the input {source}, give the output another name")
+    # the superuser may write anything: there the mode says what was meant
+    if not os.access(target, os.W_OK) or not mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
+        raise FileError(f"cannot write {path}: it is write-protected, give another name or allow writing")
 
 
 @contextmanager
-def whole_file(path: str | Path) -> Iterator[Path]:
+def whole_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[Path]:
     """A temporary path to write to; it becomes `path` where the block ends well, and is removed where it does not.
 
-    Raises FileError where `path` cannot be written, before the block begins.
+    Raises FileError where `path` cannot be written, before the block begins (`check_writable`), or where there is no
+    room for it.
     """
-    path = check_writable(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    target = check_writable(path, inputs)
+    temporary = target.with_name(f".{target.name[:40]}.{os.getpid()}.tmp")
     try:
         yield temporary
-        os.replace(temporary, path)
+        os.replace(temporary, target)
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        kept = "the file that was there is kept" if target.exists() else "nothing was written"
+        raise FileError(f"cannot write {path}: {error.strerror}; {kept}, make room and try again") from None
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -3,13 +3,17 @@
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gash_jax.files.atomic import FileError, whole_file
+
+# what numpy and zipfile raise on damaged archives: RuntimeError for flags that say encrypted or a later version
+_DAMAGED = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, LookupError, RuntimeError, MemoryError)
+_DAMAGED += (TypeError, AttributeError, SyntaxError)
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
@@ -19,7 +23,11 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapp
 
 
 def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays and metadata of a file written by `write_npz`; `kind` ("transfer", "light", ...) is for messages."""
+    """Arrays and metadata of a file written by `write_npz`; `kind` ("transfer", "light", ...) is for messages.
+
+    Raises FileError where the file is missing, no such archive, damaged, or lacks one of the `required` arrays; whether
+    its arrays fit together is for `check_arrays`.
+    """
     path = Path(path)
     if not path.exists():
         raise FileError(f"no such file: {path}")
@@ -29,13 +37,52 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
         # numpy leaves the file open when it fails on a path, so it is given the open file
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, KeyError):
+    except _DAMAGED:
         raise FileError(f"{path} is not a readable npz file: truncated or another format; write it again") from None
     missing = [name for name in (*required, "metadata") if name not in arrays]
     if missing:
         raise FileError(f"{path} is not a {kind} file: it has no array {missing[0]!r}")
     try:
         metadata = json.loads(str(arrays.pop("metadata")))
-    except json.JSONDecodeError:
-        raise FileError(f"{path} is not a {kind} file: its metadata is not JSON") from None
+    except (ValueError, RecursionError):
+        metadata = None
+    if not isinstance(metadata, dict):
+        raise FileError(f"{path} is not a {kind} file: its metadata is not a JSON object") from None
     return arrays, metadata
+
+
+def check_arrays(
+    path: str | Path,
+    kind: str,
+    arrays: Mapping[str, np.ndarray],
+    shapes: Mapping[str, tuple[int | str, ...]],
+    optional: Collection[str] = (),
+    integers: Collection[str] = (),
+) -> dict[str, int]:
+    """Check that the arrays of a file are there, of the right type and shape, and finite; returns the sizes.
+
+    `shapes` says for each array the size of its dimensions, or a letter where only equal letters must agree; arrays
+    named in `optional` may be missing, those in `integers` hold integers, all others floats. Raises FileError, one line
+    that names the first array that is wrong.
+    """
+    sizes: dict[str, int] = {}
+    for name, shape in shapes.items():
+        if name not in arrays:
+            if name in optional:
+                continue
+            raise FileError(f"{path} is not a whole {kind} file: it has no array {name!r}; write it again")
+        array = arrays[name]
+        wanted = "integers" if name in integers else "floats"
+        if array.dtype.kind not in ("iu" if name in integers else "f"):
+            raise FileError(f"{path} is not a {kind} file: {name!r} holds {array.dtype}, not {wanted}; write it again")
+        expected = tuple(sizes.get(side, side) if isinstance(side, str) else side for side in shape)
+        fits = [isinstance(want, str) or want == found for want, found in zip(expected, array.shape, strict=False)]
+        if array.ndim != len(shape) or not all(fits):
+            sides = ", ".join(map(str, expected))
+            raise FileError(
+                f"{path} is not a whole {kind} file: {name!r} has shape {array.shape}, not ({sides}); write it again"
+            )
+        sizes |= {side: found for side, found in zip(shape, array.shape, strict=True) if isinstance(side, str)}
+        if wanted == "floats" and not np.isfinite(array).all():
+            raise FileError(f"{path} holds values in {name!r} that are not finite: write it again")
+    return sizes

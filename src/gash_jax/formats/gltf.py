@@ -1,128 +1,139 @@
 """glTF 2.0 files (.glb, .gltf): all triangles of the scene, node by node in depth-first order.
 
 Each primitive of each node gives its vertices in order, moved by the node's place in the scene (a mirroring node
-turns its faces around, as glTF says). Of a skinned mesh the bind pose is taken: the positions as stored, placed by
-what the skin's root joint does to them at rest, G B with G the joint's place and B its inverse bind matrix. The
-place of the node itself does not count then, as glTF says. Morph targets, materials and animations are ignored.
+turns its faces around, as glTF says). A node with instances (EXT_mesh_gpu_instancing) gives its mesh once for each, in
+order, each placed within the node. Morph targets count with the weights that the node, else the mesh, gives them (glTF
+2.0, 3.7.2.2). Of a skinned mesh the bind pose is taken: the positions as stored, placed by what the skin's root joint
+does to them at rest, G B with G the joint's place and B its inverse bind matrix. The place of the node itself does not
+count then, as glTF says. Materials and animations are ignored.
 """
 
-import base64
-import json
 from pathlib import Path
-from typing import Any
-from urllib.parse import unquote
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from gash_jax.formats.gltf_document import INSTANCING, Document, open_document, refuse_compressed
 from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.geometry.mesh import MeshError, normalized
 
-_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
+MOST_VERTICES = 1 << 26
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+class _Piece(NamedTuple):
+    """The triangles of a primitive, in its own numbers."""
+
+    points: Float[np.ndarray, "v 3"]
+    normals: Float[np.ndarray, "v 3"]  # 0 where it has none
+    triangles: Int[np.ndarray, "f 3"]
+    morphed: bool
 
 
 def read_gltf(data: bytes, folder: Path) -> RawMesh:
     """The scene of a .glb or .gltf file; `folder` is where buffers of a .gltf are looked for. Raises MeshError."""
-    document, binary = _split(data)
-    compressed = _COMPRESSED & set(document.get("extensionsRequired", ()))
-    if compressed:
-        raise MeshError(f"the file is compressed with {sorted(compressed)[0]}: export it without compression")
-    buffers = [_buffer(entry, binary, folder) for entry in document.get("buffers", ())]
+    document = open_document(data, folder)
     places = _places(document)
-    vertices, normals, faces, skipped = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    scene, skipped, morphed = (
+        [RawMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), ())],
+        0,
+        False,
+    )
     count = 0
     for index, place in places.items():
-        node = document["nodes"][index]
+        node = document.json["nodes"][index]
         if "mesh" not in node:
             continue
-        place = _skin_place(document, buffers, node["skin"], places) if "skin" in node else place
-        turn = np.linalg.det(place[:3, :3]) < 0
-        for primitive in document["meshes"][node["mesh"]]["primitives"]:
-            triangles = _triangles(document, buffers, primitive)
-            if triangles is None:
-                skipped += 1
-                continue
-            points, tilts = _attributes(document, buffers, primitive, place)
-            vertices.append(points)
-            normals.append(tilts)
-            faces.append((triangles[:, ::-1] if turn else triangles) + count)
-            count += len(points)
-    note = f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out"
-    return RawMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), (note,) if skipped else ())
+        mesh = document.json["meshes"][node["mesh"]]
+        weights = [float(weight) for weight in node.get("weights", mesh.get("weights", ()))]
+        found = [_piece(document, primitive, weights) for primitive in mesh["primitives"]]
+        pieces = [piece for piece in found if piece is not None]
+        skipped += len(found) - len(pieces)
+        morphed |= any(piece.morphed for piece in pieces)
+        if pieces:
+            scene.append(_placed(pieces, _node_places(document, node, place, places), count))
+            count += len(scene[-1].vertices)
+    notes = document.notes
+    if skipped:
+        notes += (f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out",)
+    if morphed:
+        notes += ("morph targets with default weights: applied, the shape is not the base shape",)
+    return RawMesh(*(np.concatenate(arrays) for arrays in list(zip(*scene, strict=True))[:3]), notes)
 
 
-def _split(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON document and the binary chunk that follows it in a .glb."""
-    if data[:4] != b"glTF":
-        return json.loads(data.decode("utf-8-sig")), b""
-    if len(data) < 20 or len(data) < int.from_bytes(data[8:12], "little"):
-        raise MeshError("the file ends before its data do: it is cut off, copy or export it again")
-    if data[4:8] != b"\x02\x00\x00\x00":
-        raise MeshError("a glTF file of another version than 2: export it as glTF 2.0")
-    size = int.from_bytes(data[12:16], "little")
-    return json.loads(data[20 : 20 + size]), data[28 + size :]
+def _placed(pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int) -> RawMesh:
+    """All pieces once for each place; their vertices are numbered from `count`."""
+    own = sum(len(piece.points) for piece in pieces)
+    if own * len(places) + count > MOST_VERTICES:
+        raise MeshError(f"the glTF scene has more than {MOST_VERTICES} vertices, instances included: export fewer")
+    turns = places[:, :3, :3]
+    moved = [p.points @ turns.transpose(0, 2, 1) + places[:, None, :3, 3] for p in pieces]
+    inverse = np.linalg.pinv(turns)
+    tilts = [normalized((p.normals @ inverse).reshape(-1, 3)).reshape(len(places), *p.points.shape) for p in pieces]
+    offsets = np.cumsum([0] + [len(piece.points) for piece in pieces[:-1]])
+    triangles = np.concatenate([p.triangles + offset for p, offset in zip(pieces, offsets, strict=True)])
+    mirrored = (np.linalg.det(turns) < 0)[:, None, None]
+    faces = np.where(mirrored, triangles[:, ::-1], triangles) + (count + own * np.arange(len(places)))[:, None, None]
+    arrays = (np.concatenate(moved, axis=1), faces, np.concatenate(tilts, axis=1))
+    return RawMesh(*(array.reshape(-1, 3) for array in arrays), ())
 
 
-def _buffer(entry: dict[str, Any], binary: bytes, folder: Path) -> bytes:
-    uri = entry.get("uri")
-    if uri is None:
-        content = binary
-    elif uri.startswith("data:"):
-        content = base64.b64decode(uri.partition(",")[2])
-    else:
-        path = folder / unquote(uri)
-        if not path.is_file():
-            raise MeshError(f"the buffer {uri} of the glTF file is missing: put it beside the file")
-        content = path.read_bytes()
-    if len(content) < entry["byteLength"]:
-        raise MeshError("a buffer is shorter than the glTF file says: it is cut off, copy or export it again")
-    return content
+def _node_places(
+    document: Document, node: dict[str, Any], place: Float[np.ndarray, "4 4"], places: dict[int, np.ndarray]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Where the mesh of a node stands: at `place`, at its instances in it, or where its skin puts it."""
+    attributes = node.get("extensions", {}).get(INSTANCING, {}).get("attributes", {})
+    if "skin" in node:
+        if attributes:
+            raise MeshError("a skinned mesh with instances has no bind pose in the glTF scene: export it without")
+        return _skin_place(document, node["skin"], places)[None]
+    if not attributes:
+        return place[None]
+    values = {name: document.values(index).astype(np.float64) for name, index in attributes.items()}
+    counts = {len(array) for array in values.values()}
+    if len(counts) != 1:
+        raise MeshError("the instances of a glTF node have attributes of different lengths: the file is damaged")
+    matrices = np.tile(np.eye(4), (counts.pop(), 1, 1))
+    if "ROTATION" in values and len(matrices):
+        matrices[:, :3, :3] = Rotation.from_quat(values["ROTATION"]).as_matrix()
+    if "SCALE" in values:
+        matrices[:, :3, :3] *= values["SCALE"][:, None]
+    if "TRANSLATION" in values:
+        matrices[:, :3, 3] = values["TRANSLATION"]
+    return place @ matrices
 
 
-def _accessor(document: dict[str, Any], buffers: list[bytes], index: int) -> np.ndarray:
-    """Values of an accessor, one row each; normalised integers as floats, sparse replacements made."""
-    entry = document["accessors"][index]
-    kind, width = np.dtype(_COMPONENTS[entry["componentType"]]), _WIDTHS[entry["type"]]
-    values = np.zeros((entry["count"], width), dtype=kind)
-    if "bufferView" in entry:
-        values = _view(document, buffers, entry, entry["count"], kind, width)
-    if "sparse" in entry:
-        sparse = entry["sparse"]
-        at = _view(
-            document,
-            buffers,
-            sparse["indices"],
-            sparse["count"],
-            np.dtype(_COMPONENTS[sparse["indices"]["componentType"]]),
-            1,
-        )
-        values = values.copy()
-        values[at[:, 0]] = _view(document, buffers, sparse["values"], sparse["count"], kind, width)
-    if entry.get("normalized"):
-        return np.maximum(values.astype(np.float64) / np.iinfo(kind).max, -1.0)
-    return values
+def _piece(document: Document, primitive: dict[str, Any], weights: list[float]) -> _Piece | None:
+    """A primitive with its morph targets applied; None for points and lines."""
+    attributes = primitive["attributes"]
+    if not document.has_data(attributes["POSITION"]):
+        refuse_compressed(primitive)
+    points = document.values(attributes["POSITION"]).astype(np.float64)
+    triangles = _triangles(document, primitive, len(points))
+    if triangles is None:
+        return None
+    if np.any((triangles < 0) | (triangles >= len(points))):
+        raise MeshError("an index of a glTF primitive names a vertex that does not exist: the file is damaged")
+    normals = np.zeros_like(points)
+    if "NORMAL" in attributes:
+        normals = document.values(attributes["NORMAL"]).astype(np.float64)
+    active = [(w, target) for w, target in zip(weights, primitive.get("targets", ()), strict=False) if w]
+    for weight, target in active:
+        if "POSITION" in target:
+            points = points + weight * document.values(target["POSITION"])
+        if "NORMAL" in target and "NORMAL" in attributes:
+            normals = normals + weight * document.values(target["NORMAL"])
+    if points.shape != normals.shape or points.shape[1] != 3:
+        raise MeshError("positions, normals and morph targets of a glTF primitive do not fit: the file is damaged")
+    return _Piece(points, normals, triangles, bool(active))
 
 
-def _view(
-    document: dict[str, Any], buffers: list[bytes], entry: dict[str, Any], count: int, kind: np.dtype, width: int
-) -> np.ndarray:
-    view = document["bufferViews"][entry["bufferView"]]
-    offset = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
-    stride = view.get("byteStride", kind.itemsize * width)
-    buffer = buffers[view["buffer"]]
-    if count and (offset < 0 or stride < 0 or offset + (count - 1) * stride + kind.itemsize * width > len(buffer)):
-        raise MeshError("the glTF file points outside its buffers: it is damaged, export it again")
-    return np.ndarray((count, width), kind, buffer, offset, (stride, kind.itemsize))
-
-
-def _places(document: dict[str, Any]) -> dict[int, Float[np.ndarray, "4 4"]]:
+def _places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:
     """Matrix of each node of the scene, in depth-first order."""
-    nodes = document.get("nodes", [])
-    if document.get("scenes"):
-        roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    nodes = document.json.get("nodes", [])
+    if document.json.get("scenes"):
+        roots = document.json["scenes"][document.json.get("scene", 0)].get("nodes", [])
     else:
         roots = sorted(set(range(len(nodes))) - {child for node in nodes for child in node.get("children", ())})
     places: dict[int, np.ndarray] = {}
@@ -148,32 +159,28 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     return matrix
 
 
-def _skin_place(
-    document: dict[str, Any], buffers: list[bytes], index: int, places: dict[int, np.ndarray]
-) -> Float[np.ndarray, "4 4"]:
+def _skin_place(document: Document, index: int, places: dict[int, np.ndarray]) -> Float[np.ndarray, "4 4"]:
     """What the root joint of a skin does to the stored positions when the skeleton is at rest."""
-    skin = document["skins"][index]
+    skin = document.json["skins"][index]
     joints = [joint for joint in skin["joints"] if joint in places]
     if not joints:
         raise MeshError("the skeleton of a mesh is not in the glTF scene: export it with its armature")
     root = min(joints, key=list(places).index)  # depth-first order: no joint comes before the one above it
     if "inverseBindMatrices" not in skin:
         return places[root]
-    inverse = _accessor(document, buffers, skin["inverseBindMatrices"])
+    inverse = document.values(skin["inverseBindMatrices"])
     return places[root] @ inverse[skin["joints"].index(root)].reshape(4, 4).T.astype(np.float64)
 
 
-def _triangles(
-    document: dict[str, Any], buffers: list[bytes], primitive: dict[str, Any]
-) -> Int[np.ndarray, "f 3"] | None:
+def _triangles(document: Document, primitive: dict[str, Any], count: int) -> Int[np.ndarray, "f 3"] | None:
     """Triangles of a primitive in its own vertex numbers; None for points and lines."""
     mode = primitive.get("mode", _TRIANGLES)
     if mode not in (_TRIANGLES, _STRIP, _FAN):
         return None
     if "indices" in primitive:
-        indices = _accessor(document, buffers, primitive["indices"])[:, 0].astype(np.int64)
+        indices = document.values(primitive["indices"])[:, 0].astype(np.int64)
     else:
-        indices = np.arange(document["accessors"][primitive["attributes"]["POSITION"]]["count"])
+        indices = np.arange(count)
     if mode == _TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     middle, last = indices[1:-1], indices[2:]
@@ -181,15 +188,3 @@ def _triangles(
         return np.stack([np.full(len(last), indices[0]), middle, last], axis=1)
     odd = np.arange(len(last)) % 2 == 1
     return np.stack([indices[:-2], np.where(odd, last, middle), np.where(odd, middle, last)], axis=1)
-
-
-def _attributes(
-    document: dict[str, Any], buffers: list[bytes], primitive: dict[str, Any], place: Float[np.ndarray, "4 4"]
-) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
-    """Positions and normals of a primitive in the scene; normals 0 where it has none."""
-    points = _accessor(document, buffers, primitive["attributes"]["POSITION"]).astype(np.float64)
-    moved = points @ place[:3, :3].T + place[:3, 3]
-    if "NORMAL" not in primitive["attributes"]:
-        return moved, np.zeros_like(moved)
-    normals = _accessor(document, buffers, primitive["attributes"]["NORMAL"]).astype(np.float64)
-    return moved, normalized(normals @ np.linalg.pinv(place[:3, :3]))

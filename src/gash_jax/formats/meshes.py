@@ -4,7 +4,8 @@ The world is right-handed with +y up. A file with another up axis is turned by a
 z up (x, y, z) -> (x, z, -y), x up (x, y, z) -> (-y, x, z).
 
 All readers work on whole arrays of bytes or numbers. They are the project's own because the order of vertices and
-the normals of the file must survive, which general loaders do not promise.
+the normals of the file must survive, which general loaders do not promise. Formats they do not know are read by one
+(`others`), and the report says so.
 """
 
 import os
@@ -16,6 +17,7 @@ import numpy as np
 from gash_jax.formats.gltf import read_gltf
 from gash_jax.formats.obj import read_obj
 from gash_jax.formats.off import read_off
+from gash_jax.formats.others import OTHERS, read_other
 from gash_jax.formats.ply import read_ply, write_ply
 from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.formats.stl import read_stl
@@ -71,9 +73,11 @@ def _read(path: Path) -> RawMesh:
     """The arrays in a file, or MeshError naming it."""
     if path.is_dir():
         raise MeshError(f"{path} is a folder: give a mesh file ({' '.join(READERS)})")
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise MeshError(f"{path}: unknown mesh format {path.suffix!r}, known are {' '.join(READERS)}")
+    suffix = path.suffix.lower()
+    reader = READERS.get(suffix)
+    if reader is None and suffix not in OTHERS:
+        known = f"{' '.join(READERS)} (and by trimesh {' '.join(OTHERS)})"
+        raise MeshError(f"{path}: unknown mesh format {path.suffix!r}, known are {known}")
     if not path.exists():
         raise MeshError(f"no such file: {path}")
     try:
@@ -84,7 +88,7 @@ def _read(path: Path) -> RawMesh:
         raise MeshError(f"{path}: the file is empty, copy or export it again")
     try:
         with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
-            return reader(data, path.parent)
+            return reader(data, path.parent) if reader else read_other(data, suffix)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, MemoryError, RecursionError):

@@ -1,7 +1,8 @@
 """Wavefront OBJ files: vertex i is the i-th `v` line, whatever the faces do with it.
 
 `vn` lines are read apart and brought to the vertices: the different normals that the corners at a vertex name are
-averaged, each counted once. Texture coordinates, groups and materials are ignored.
+averaged, each counted once. Texture coordinates, groups and materials are ignored. A backslash at the end of a line
+joins it to the next, except in comments and in names, where it is the end of a Windows folder.
 """
 
 import re
@@ -9,15 +10,20 @@ import re
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from gash_jax.formats.raw_mesh import RawMesh, fan_triangulate, leading_columns, parse_rows
+from gash_jax.formats.polygons import triangulate
+from gash_jax.formats.raw_mesh import RawMesh, leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.geometry.mesh import MeshError, normalized
 from gash_jax.geometry.topology import weld
 
+_NAMES = rb"mtllib|usemtl|maplib|usemap|shadow_obj|trace_obj|call|csh|o|g"
 _SLASH, _BLANK, _NEWLINE = 47, 32, 10
 
 
 def read_obj(data: bytes) -> RawMesh:
-    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, negative numbers, polygons) and normals. Raises MeshError."""
+    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, numbers left out, negative ones, polygons) and normals.
+
+    Raises MeshError.
+    """
     characters, begins = _lines(data)
     second = characters[np.minimum(begins + 1, len(characters) - 1)]
     blank = second <= _BLANK
@@ -31,7 +37,7 @@ def read_obj(data: bytes) -> RawMesh:
     face_lines = np.flatnonzero(is_face)[line]
     corners = _resolve(position, np.searchsorted(np.flatnonzero(is_vertex), face_lines))
     sizes = np.bincount(line, minlength=np.count_nonzero(is_face))
-    faces, notes = fan_triangulate(corners, sizes)
+    faces, notes = triangulate(corners, sizes, vertices)
     named = normal != 0
     if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
         return RawMesh(vertices, faces, None, notes)
@@ -45,11 +51,12 @@ def read_obj(data: bytes) -> RawMesh:
 
 def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:
     """Characters of the text in plain form (no comments, continuations, indents), and where its lines begin."""
-    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if b"\\" in text:
-        text = re.sub(rb"\\[ \t]*\n", b" ", text)
+    text = plain_text(data)
     if b"#" in text:
         text = re.sub(rb"#[^\n]*", b"", text)
+    if b"\\" in text:
+        text = re.sub(rb"^([ \t]*(?:%s)\b[^\n]*?)[\\ \t]+$" % _NAMES, rb"\1", text, flags=re.MULTILINE)
+        text = re.sub(rb"\\[ \t]*\n", b" ", text)
     if re.search(rb"^[ \t]", text, flags=re.MULTILINE):
         text = re.sub(rb"^[ \t]+", b"", text, flags=re.MULTILINE)
     characters = np.frombuffer(text + b"\n", dtype=np.uint8)
@@ -68,7 +75,9 @@ def _only(characters: np.ndarray, begins: Int[np.ndarray, "l"], chosen: Bool[np.
 
 def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
     """Of each corner in the text of all faces: number of its position, of its normal (0: none), and its line."""
-    characters = np.frombuffer(text.replace(b"//", b"/0/"), dtype=np.uint8)
+    for left_out in (b"//", b"/ ", b"/\t", b"/\n"):  # a number that is left out is 0
+        text = text.replace(left_out, b"/0" + left_out[1:])
+    characters = np.frombuffer(text, dtype=np.uint8)
     solid = characters > _BLANK
     first = solid.copy()
     first[1:] &= ~solid[:-1]
@@ -79,8 +88,9 @@ def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], I
         raise MeshError("a face corner is not of the form v, v/vt, v//vn or v/vt/vn: the file is damaged or cut off")
     start = np.cumsum(slashes + 1) - (slashes + 1)
     normal = np.zeros(len(line), dtype=np.int64)
+    numbers = whole_numbers(numbers, "a face names a corner")
     normal[slashes == 2] = numbers[start[slashes == 2] + 2]
-    return numbers[start].astype(np.int64), normal, line
+    return numbers[start], normal, line
 
 
 def _resolve(numbers: Int[np.ndarray, "c"], before: Int[np.ndarray, "c"]) -> Int[np.ndarray, "c"]:

@@ -3,17 +3,24 @@
 Reading walks the properties of all rows of an element at once with a cursor per row, in bytes (binary) or words
 (ASCII). Where a binary row starts depends on the lists of all rows before it; if these are not of one length, the
 chain of rows is followed by pointer doubling: from "the row after the one that would start at byte i", for all i.
+
+An ASCII row is a line and has as many numbers as the header announces: a file that breaks its rows over lines is
+refused, as a number missing from one row would be taken from the next. Header lines of no known keyword are noted and
+skipped (programs have broken comments over two lines); the body must then end where the file does.
 """
 
+import codecs
 import os
+import re
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from jaxtyping import Int
 
 from gash_jax.files.atomic import whole_file
-from gash_jax.formats.raw_mesh import RawMesh, fan_triangulate, parse_rows
+from gash_jax.formats.polygons import triangulate
+from gash_jax.formats.raw_mesh import RawMesh, parse_rows, plain_text, refuse_wide_text, whole_numbers
 from gash_jax.geometry.mesh import Mesh, MeshError
 
 _TYPES = {
@@ -24,6 +31,7 @@ _TYPES = {
 _FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CUT_OFF = "the file ends before its data do: it is cut off, copy or export it again"
 _BLOCK = 1 << 18  # bytes over which the chain of rows is followed at once
+_Columns = dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]  # by element and property: values, and how many a row
 
 
 class _Property(NamedTuple):
@@ -46,41 +54,81 @@ class _Body(NamedTuple):
     end: int
 
 
+class _Header(NamedTuple):
+    order: str  # of bytes; "=" for ASCII
+    elements: list[_Element]
+    start: int  # of the body, in bytes
+    lines: int
+    unknown: list[str]  # lines of no known keyword
+
+
 def read_ply(data: bytes) -> RawMesh:
     """Positions, `nx ny nz` if all there, and polygons of a PLY file. Raises MeshError."""
-    if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
-        raise MeshError("not a PLY file: it does not begin with 'ply'")
-    order, elements, offset = _header(data)
-    if order == "=":
-        numbers, lines = parse_rows(data[offset:])
-        body = _Body(lambda at, kind: numbers[at], lambda kind: 1, len(numbers))
-    else:
-        raw = np.frombuffer(data, dtype=np.uint8)
-        body = _Body(lambda at, kind: _unaligned(raw, kind)[at], lambda kind: kind.itemsize, len(data))
-        lines = np.zeros(0, dtype=np.int64)
-    columns: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
-    row = 0
-    for element in elements:
-        if order == "=":
-            if row + element.rows >= len(lines):
-                raise MeshError(_CUT_OFF)
-            starts = lines[row : row + element.rows]
-            row += element.rows
-        else:
-            starts = _row_starts(element, offset, body)
-        columns[element.name], cursor = _walk(element, starts, body)
+    refuse_wide_text(data)
+    data = data.removeprefix(codecs.BOM_UTF8)
+    header = _header(data)
+    columns = _ascii_columns(data, header) if header.order == "=" else _binary_columns(data, header)
+    mesh = _assemble(columns)
+    skipped = tuple(f"the PLY header line {line[:60]!r} has no known keyword: skipped" for line in header.unknown[:1])
+    return mesh._replace(notes=skipped + mesh.notes)
+
+
+def _ascii_columns(data: bytes, header: _Header) -> _Columns:
+    """Columns of a text in which each row is a line."""
+    text = plain_text(data[header.start :])
+    numbers, lines = parse_rows(text)
+    body = _Body(lambda at, kind: numbers[at], lambda kind: 1, len(numbers))
+    columns, row = {}, 0
+    for element in header.elements:
+        starts, ends = lines[row : row + element.rows], lines[row + 1 : row + element.rows + 1]
+        if len(ends) < element.rows:
+            raise MeshError(_CUT_OFF)
+
+        def within_lines(cursor: np.ndarray, ends: np.ndarray = ends, row: int = row, name: str = element.name) -> None:
+            if np.any(cursor > ends):
+                _refuse_row(text, header, row + int(np.argmax(cursor > ends)), name)
+
+        columns[element.name], cursor = _walk(element, starts, body, within_lines)
+        if np.any(cursor < ends):
+            _refuse_row(text, header, row + int(np.argmax(cursor < ends)), element.name)
+        row += element.rows
+    return columns
+
+
+def _refuse_row(text: bytes, header: _Header, row: int, element: str) -> NoReturn:
+    """Name the line of a row that has too few or too many values."""
+    filled = [number for number, line in enumerate(text.split(b"\n"), header.lines + 1) if line.strip()]
+    raise MeshError(
+        f"line {filled[row]} of the PLY file has too few or too many values for a row of {element!r}: "
+        "the file is damaged, or its rows are broken over lines; export it again"
+    )
+
+
+def _binary_columns(data: bytes, header: _Header) -> _Columns:
+    """Columns of a binary file."""
+    raw, offset, columns = np.frombuffer(data, dtype=np.uint8), header.start, {}
+    body = _Body(lambda at, kind: _unaligned(raw, kind)[at], lambda kind: kind.itemsize, len(data))
+    for element in header.elements:
+        starts = _row_starts(element, offset, body)
+        columns[element.name], cursor = _walk(element, starts, body, lambda cursor: _check_room(cursor, body))
         offset = int(cursor[-1]) if len(cursor) else offset
-    return _assemble(columns)
+    if header.unknown and offset != len(data):
+        raise MeshError(f"cannot read the PLY header line {header.unknown[0][:60]!r}: the file is damaged")
+    return columns
 
 
-def _header(data: bytes) -> tuple[str, list[_Element], int]:
-    """Byte order ("=" for ASCII), elements, and where the body starts."""
-    end = data.find(b"end_header")
-    start = data.find(b"\n", end) + 1
-    if end < 0 or start == 0:
+def _header(data: bytes) -> _Header:
+    magic = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    if magic is None:
+        raise MeshError("not a PLY file: it does not begin with 'ply'")
+    # after line ends of one character, a byte of the body may look like the second of two
+    line_end = rb"\r" if magic[1] == b"\r" else rb"\r?\n"
+    end = re.search(magic[1][-1:] + rb"[ \t]*end_header[ \t]*" + line_end, data)
+    if end is None:
         raise MeshError("the PLY header has no end: the file is cut off or damaged")
-    order, elements = "", list[_Element]()
-    for line in data[:end].decode("ascii", errors="replace").splitlines()[1:]:
+    lines = re.split(r"\r\n|\n|\r", data[: end.start()].decode("ascii", errors="replace"))
+    order, elements, unknown = "", list[_Element](), list[str]()
+    for line in lines[1:]:
         match line.split():
             case ["format", name, *_] if name in _FORMATS:
                 order = _FORMATS[name]
@@ -93,11 +141,13 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                 elements[-1].properties.append(_Property(name, np.dtype(order + _TYPES[kind]), None))
             case [] | ["comment" | "obj_info", *_]:
                 pass
-            case _:
+            case ["format" | "element" | "property", *_]:
                 raise MeshError(f"cannot read the PLY header line {line[:60]!r}: the file is damaged")
+            case _:
+                unknown.append(line)
     if not order:
         raise MeshError("the PLY header names no format: the file is damaged")
-    return order, elements, start
+    return _Header(order, elements, end.end(), len(lines) + 1, unknown)
 
 
 def _unaligned(raw: np.ndarray, kind: np.dtype) -> np.ndarray:
@@ -108,18 +158,21 @@ def _unaligned(raw: np.ndarray, kind: np.dtype) -> np.ndarray:
 
 
 def _walk(
-    element: _Element, starts: Int[np.ndarray, "r"], body: _Body
+    element: _Element, starts: Int[np.ndarray, "r"], body: _Body, check_room: Callable[[np.ndarray], None]
 ) -> tuple[dict[str, tuple[np.ndarray, np.ndarray]], Int[np.ndarray, "r"]]:
-    """For each property the values of all rows in order and how many each row has; and where the rows end."""
+    """For each property the values of all rows in order and how many each row has; and where the rows end.
+
+    `check_room` refuses ends of values, one a row, that are too far.
+    """
     columns, cursor = {}, starts
     for item in element.properties:
         sizes = np.ones(len(starts), dtype=np.int64)
         if item.count_type is not None:
-            _check_room(cursor + body.size(item.count_type), body)
-            sizes = body.take(cursor, item.count_type).astype(np.int64)
+            check_room(cursor + body.size(item.count_type))
+            sizes = whole_numbers(body.take(cursor, item.count_type), "the length of a PLY list")
             cursor = cursor + body.size(item.count_type)
         width = body.size(item.type)
-        _check_room(cursor + sizes * width, body)
+        check_room(cursor + sizes * width)
         if np.any(sizes < 0):
             raise MeshError("a PLY list has a negative length: the file is damaged")
         at = np.repeat(cursor - (np.cumsum(sizes) - sizes) * width, sizes) + np.arange(sizes.sum()) * width
@@ -135,7 +188,7 @@ def _check_room(ends: np.ndarray, body: _Body) -> None:
 
 def _row_starts(element: _Element, offset: int, body: _Body) -> Int[np.ndarray, "r"]:
     """First byte of each row of an element of a binary file."""
-    if element.rows == 0:
+    if element.rows == 0 or not element.properties:
         return np.zeros(0, dtype=np.int64)
     shortest = sum(body.size(p.type if p.count_type is None else p.count_type) for p in element.properties)
     if offset + element.rows * shortest > body.end:
@@ -181,7 +234,7 @@ def _follow_chain(element: _Element, offset: int, body: _Body) -> Int[np.ndarray
     return np.concatenate(parts)
 
 
-def _assemble(columns: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]) -> RawMesh:
+def _assemble(columns: _Columns) -> RawMesh:
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
     if not {"x", "y", "z"} <= vertex.keys():
         raise MeshError("the PLY file has no vertices with x, y and z")
@@ -189,11 +242,12 @@ def _assemble(columns: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]) -> R
     if not lists and "tristrips" in columns:
         raise MeshError("the PLY file holds triangle strips: export it as triangles")
     corners, sizes = lists[0] if lists else (np.zeros(0, dtype=np.int64),) * 2
-    faces, notes = fan_triangulate(corners.astype(np.int64), sizes)
+    vertices = np.stack([vertex[n][0] for n in "xyz"], axis=1)
+    faces, notes = triangulate(whole_numbers(corners, "a PLY face names a corner"), sizes, vertices)
     normals = (
         np.stack([vertex[n][0] for n in ("nx", "ny", "nz")], axis=1) if {"nx", "ny", "nz"} <= vertex.keys() else None
     )
-    return RawMesh(np.stack([vertex[n][0] for n in "xyz"], axis=1), faces, normals, notes)
+    return RawMesh(vertices, faces, normals, notes)
 
 
 def write_ply(path: str | os.PathLike[str], mesh: Mesh) -> None:

@@ -1,5 +1,6 @@
 """What file readers hand over before any check, and the parsing they share."""
 
+import codecs
 import re
 import warnings
 from typing import NamedTuple
@@ -9,6 +10,7 @@ from jaxtyping import Float, Int, Num
 
 from gash_jax.geometry.mesh import MeshError
 
+_SAMPLE = 64  # bytes in which the zeros of wide text are looked for
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 
 
@@ -21,20 +23,28 @@ class RawMesh(NamedTuple):
     notes: tuple[str, ...]  # what reading had to decide
 
 
-def fan_triangulate(
-    corners: Int[np.ndarray, "c"], sizes: Int[np.ndarray, "p"]
-) -> tuple[Int[np.ndarray, "f 3"], tuple[str, ...]]:
-    """Triangles (0, i, i+1) of polygons given as their corners in a row and their sizes, in order.
+def plain_text(data: bytes) -> bytes:
+    """The text of a file without a byte order mark, its lines ended by line feeds alone.
 
-    Also a note, where there are any, on polygons of fewer than three corners: they make no triangle.
+    Raises MeshError for UTF-16 and UTF-32.
     """
-    triangles = np.maximum(sizes - 2, 0)
-    base = np.repeat(np.cumsum(sizes) - sizes, triangles)
-    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    faces = np.stack([corners[base], corners[base + step + 1], corners[base + step + 2]], axis=1)
-    few = np.count_nonzero(sizes < 3)
-    note = f"{few} {'polygon' if few == 1 else 'polygons'} of fewer than three corners: left out"
-    return faces.astype(np.int64), (note,) if few else ()
+    refuse_wide_text(data)
+    return data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def refuse_wide_text(data: bytes) -> None:
+    """Raise MeshError for text of two or four bytes a character, with or without a byte order mark."""
+    head = data[:_SAMPLE]
+    zeros = [len(head) >= 8 and not any(head[start::2]) for start in (0, 1)]
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or any(zeros) and any(head):
+        raise MeshError("the file is UTF-16 text: save it as UTF-8 or plain ASCII")
+
+
+def whole_numbers(numbers: Num[np.ndarray, "n"], what: str) -> Int[np.ndarray, "n"]:
+    """The numbers as integers; MeshError, naming them as `what`, if one is a fraction, not finite or beyond 2^53."""
+    if numbers.dtype.kind == "f" and np.any(~(np.abs(numbers) < 2.0**53) | (numbers != np.rint(numbers))):
+        raise MeshError(f"{what} that is not a whole number: the file is damaged")
+    return numbers.astype(np.int64)
 
 
 def parse_rows(text: bytes) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "s"]]:

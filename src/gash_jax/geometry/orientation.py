@@ -186,10 +186,14 @@ def _inward(
     inward = solid & (volume < 0)
     if np.count_nonzero(closed) < 2:
         return inward
-    inside = containment(corners, sheet, closed)
-    parent = np.argmin(np.where(inside, np.abs(volume[closed]), np.inf), axis=1)
+    inner, outer = containment(corners, sheet, closed).T
     own = inward[closed]
-    inward[closed] = np.where(inside.sum(axis=1) % 2 == 1, own[parent], own)
+    order = np.lexsort((outer, np.abs(volume[closed])[outer], inner))
+    _, smallest = np.unique(inner[order], return_index=True)
+    parent = np.arange(len(own))
+    parent[inner[order][smallest]] = outer[order][smallest]
+    odd = np.bincount(inner, minlength=len(own)) % 2 == 1
+    inward[closed] = np.where(odd, own[parent], own)
     return inward
 
 

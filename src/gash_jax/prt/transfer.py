@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from gash_jax.algebra.sh import clamped_cosine_coefficients, evaluate_sh, validate_bands
+from gash_jax.algebra.sh import MAX_BANDS, clamped_cosine_coefficients, evaluate_sh, validate_bands
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 
 FORMAT, FORMAT_VERSION = "gash-transfer", 1
@@ -88,12 +88,21 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
 
 
 def load_transfer(path: str | Path) -> Transfer:
-    """Read a transfer file and check that its arrays fit together."""
+    """Read a transfer file and check it whole: types, shapes that fit, finite values, faces of existing vertices."""
     arrays, metadata = read_npz(path, "transfer", ("coefficients", "vertices", "normals", "faces"))
-    coefficients, vertices = arrays["coefficients"], arrays["vertices"]
-    if coefficients.ndim != 2 or len(coefficients) != len(vertices) or metadata.get("format") != FORMAT:
-        raise FileError(f"{path} is not a transfer file: coefficients {coefficients.shape}, vertices {vertices.shape}")
-    if not np.isfinite(coefficients).all():
-        raise FileError(f"{path} holds coefficients that are not finite: bake it again")
-    sampled, predicted = arrays.get("standard_error"), arrays.get("predicted_error")
-    return Transfer(coefficients, sampled, vertices, arrays["normals"], arrays["faces"], metadata, predicted)
+    if metadata.get("format") != FORMAT:
+        raise FileError(f"{path} is not a transfer file: bake or predict one")
+    rows, errors = ("v", "k"), ("standard_error", "predicted_error")
+    shapes = {"coefficients": rows, "vertices": ("v", 3), "normals": ("v", 3), "faces": ("f", 3)}
+    shapes |= dict.fromkeys(errors, rows)
+    sizes = check_arrays(path, "transfer", arrays, shapes, optional=errors, integers=("faces",))
+    if sizes["k"] not in {bands * bands for bands in range(1, MAX_BANDS + 1)}:
+        raise FileError(
+            f"{path} is not a transfer file: {sizes['k']} coefficients are no square of bands, bake it again"
+        )
+    faces = arrays["faces"]
+    if np.any((faces < 0) | (faces >= sizes["v"])):
+        raise FileError(f"{path} is not a whole transfer file: faces name vertices that do not exist; bake it again")
+    estimates = (arrays["coefficients"], arrays.get("standard_error"))
+    mesh = (arrays["vertices"], arrays["normals"], faces.astype(np.int32, copy=False))
+    return Transfer(*estimates, *mesh, metadata, arrays.get("predicted_error"))
