@@ -11,7 +11,7 @@ from torch import nn  # pyright: ignore[reportMissingImports]
 from torch_geometric.nn import GATv2Conv, TransformerConv  # pyright: ignore[reportMissingImports]
 
 from gash_jax.models.model import load_model
-from gash_jax.nn.config import ModelConfig
+from gash_jax.nn.two_stage import TwoStageConfig
 
 CONV = {
     "GATv2Conv": {"lin_l": "source", "lin_r": "target"},
@@ -36,7 +36,7 @@ def load_layer(layer: nn.Module, weights: dict) -> None:
 class PygTwoStage(nn.Module):
     """Both stages for inference: motors (v, 32) and edges (2, e) to coefficients (v, B*B)."""
 
-    def __init__(self, config: ModelConfig, params: dict) -> None:
+    def __init__(self, config: TwoStageConfig, params: dict) -> None:
         super().__init__()
         heads = config.heads
         self.embeds, self.heads = nn.ModuleList(), nn.ModuleList()

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 # arrays of the error head by the names that the first files gave them
-OLD_NAMES = {"doubt/kernel": "error_hidden/kernel", "doubt/bias": "error_hidden/bias"}
+OLD_NAMES: dict[str, str] = {"doubt/kernel": "error_hidden/kernel", "doubt/bias": "error_hidden/bias"}
 OLD_NAMES |= {"error/kernel": "error_head/kernel", "error/bias": "error_head/bias"}
 
 
@@ -38,13 +38,13 @@ def load_model(path: str) -> Model:
     """Read a model file. Raises ValueError for anything else."""
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+            arrays = {OLD_NAMES.get(str(name), str(name)): archive[name] for name in archive.files}
         metadata = json.loads(str(arrays.pop("metadata")))
     except Exception:
         raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
     if metadata.get("format") != "gash-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is not a model file of version 1")
-    return Model(metadata["model"], {OLD_NAMES.get(name, name): array for name, array in arrays.items()})
+    return Model(metadata["model"], arrays)
 
 
 # ---------------------------------------------------------------- spherical harmonics (section "Closed form")

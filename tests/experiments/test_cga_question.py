@@ -22,7 +22,7 @@ def test_the_sweep_gives_everyone_the_same_budget_and_shapes() -> None:
     assert len(runs) == 45 and len({run.id for run in runs}) == 45
     assert len({(run.config.train.seconds, run.config.train.clock, run.config.data) for run in runs}) == 1
     assert [run.seed for run in runs[:40]] == sorted(run.seed for run in runs[:40])
-    cells = {(run.config.model.name, run.config.model.encoding) for run in runs}
+    cells = {(values["name"], values["encoding"]) for values in (run.config.model.to_dict() for run in runs)}
     assert {encoding for _, encoding in cells} == set(cga_table.ENCODINGS) and len(cells) == 9
 
 

@@ -209,7 +209,7 @@ def _documented() -> dict[str, dict[str, str]]:
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_document_names_every_array_and_its_shape(name: str) -> None:
-    config = model_config(name)
+    config: Any = model_config(name)
     graph = network_inputs(model_graph(config, bumpy_mesh(30)))
     shapes = jax.eval_shape(build_model(config).init, jax.random.key(0), graph)["params"]
     letters = {"B": "bands", "C": "channels", "H": "heads", "U": "visibility_channels", "N": "visibility_directions"}

@@ -1,6 +1,7 @@
 """Sweep files: combinations, linked keys, repeats, names by content, every mistake named."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,7 +36,7 @@ def test_every_combination_once_and_the_repeats(tmp_path: Path) -> None:
     assert [tuple(run.point.values()) for run in runs[:3]] == [(8, 1), (8, 2), (8, 3)]
     assert [(run.point, run.seed) for run in runs[6:]] == [({"latent": 8, "depth": 3}, seed) for seed in (1, 2)]
     for run in runs:
-        model = run.config.model
+        model: Any = run.config.model
         assert model.channels == model.visibility_channels == run.point["latent"]
         assert model.layers == run.point["depth"] and run.config.data.shapes == 64
         assert run.config.train.seed == run.seed

@@ -57,6 +57,6 @@ def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
         normals = jnp.where(loose[:, None], 0.0, vertex_normals(placed, plan.faces))
         records = surfel_records(plan.tree, placed, plan.faces, jnp)
         blocks = block_arrays(plan, records, placed, normals, jnp)
-        return apply_surfels(model.module, params, SurfelGraph(blocks, slot, center, np.float32(unit)))
+        return apply_surfels(model.module, params, SurfelGraph(blocks, slot, center, np.asarray(unit, np.float32)))
 
     return lambda vertices: frame(jnp.asarray(vertices, jnp.float32), model.params)

@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
+from jax.core import Tracer
 
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz, write_npz
@@ -35,7 +36,8 @@ class Model:
     """`model(graph)` predicts (v, k) coefficients of what `model.graph(mesh)` says of a mesh."""
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
-        self.config, self.params, self.metadata = config, params, metadata or {}
+        self.config: Any = config  # that of its family
+        self.params, self.metadata = params, metadata or {}
         self.module, self.family = build_model(config), family_of(config)
         self._apply = jax.jit(partial(self.family.predict, self.module))
         self._logits = jax.jit(partial(self.module.apply, method="visibility_logits"))
@@ -54,7 +56,7 @@ class Model:
         A JAX function of the graph's arrays and of `params` (the model's own unless given): jit, grad and vmap work.
         """
         params = self.params if params is None else params
-        traced = any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((graph, params)))
+        traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((graph, params)))
         if self.family.predict_fast and not traced:
             return self.family.predict_fast(self.module, params, graph)
         return self._apply(params, graph)
