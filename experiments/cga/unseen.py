@@ -19,6 +19,7 @@ from gash_jax.measure.metrics import skill
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
 from gash_jax.models.model import load_model
+from gash_jax.train.sweep import run_folder
 
 TWICE = "igea"
 # of the line that the sweep wrote
@@ -35,7 +36,7 @@ def main(runs: Path, meshes: Path | None, output: Path, quick: bool) -> dict[str
         for step, line in enumerate(lines):
             row = done.get(line["id"])
             if row is None:
-                model = load_model(runs / "runs" / line["id"] / "model.npz")
+                model = load_model(run_folder(runs / "runs", line["id"]) / "model.npz")
                 found = {name: model.predict(mesh).coefficients for name, mesh in loaded.items()}
                 skills = {name: skill(c, truth[name].coefficients, loaded[name].normals) for name, c in found.items()}
                 row = {**{key: line[key] for key in KEPT}, "meshes": skills}

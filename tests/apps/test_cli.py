@@ -103,6 +103,14 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
     load_command(name).make_context(name, example[2:])
 
 
+def test_the_help_of_train_lists_configs_and_settings(capsys: pytest.CaptureFixture) -> None:
+    gash.main(["train", "--help"], standalone_mode=False)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "two-stage The GNN paper's network" in said
+    assert "train.clock seconds on the wall, or CPU seconds for each core [one of wall, cpu; default 'wall']" in said
+    assert 'model.name="local": model.bands SH bands B' in said
+
+
 BAD_BAKES = {
     "absent.ply": "no such file",
     "folder": "folder",

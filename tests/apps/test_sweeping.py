@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -40,11 +44,15 @@ def test_a_sweep_is_finished_in_two_calls(tmp_path: Path, monkeypatch: pytest.Mo
     _sweep("[4]")
     first = _lines()
     assert "2 runs, 0 done before" in capsys.readouterr().out and len(first) == 2
+    with open("out/results.jsonl", "a", encoding="utf-8") as file:
+        file.write('{"id": "a line that was cut by a ki')
     _sweep("[4, 8]")
     assert "3 runs, 2 done before" in capsys.readouterr().out
     lines = _lines()
     assert lines[:2] == first and {(line["width"], line["seed"]) for line in lines} == {(4, 0), (4, 1), (8, 0)}
     assert {"machine", "commit", "skill", "relrmse", "parameters", "steps"} <= set(lines[2])
+    assert lines[2]["phase_steps"] == {"coefficients": 4}
+    assert len([path for path in Path("out/runs").iterdir() if path.name.startswith("width_")]) == 3
     with open("out/results.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["width"] for row in rows] == ["4", "8"] and [row["seeds"] for row in rows] == ["2", "1"]
@@ -79,3 +87,39 @@ def test_the_front_is_what_no_other_point_beats(seed: int) -> None:
     beaten = [any(np.all(b <= a) and np.any(b < a) for b in costs) for a in costs]
     assert {tuple(costs[i]) for i in front} == {tuple(c) for c, b in zip(costs, beaten, strict=True) if not b}
     assert np.all(np.diff(costs[front, 0]) > 0) and np.all(np.diff(costs[front, 1]) < 0)
+
+
+CHILD = """
+import multiprocessing, os, sys, time
+from gash_jax.apps import run_processes
+
+def child(path):
+    import threading
+    threading.Thread(target=run_processes._end_with_parent, daemon=True).start()
+    open(path, "w").write(str(os.getpid()))
+    time.sleep(60)
+
+if __name__ == "__main__":
+    process = multiprocessing.get_context("spawn").Process(target=child, args=(sys.argv[1],))
+    process.start()
+    time.sleep(60)
+"""
+
+
+def test_a_child_ends_with_its_parent(tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(CHILD)
+    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py", tmp_path / "pid"])
+    until = time.monotonic() + 60
+    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+        assert time.monotonic() < until, "the child did not start"
+        time.sleep(0.1)
+    child = int((tmp_path / "pid").read_text())
+    parent.kill()
+    parent.wait()
+    while time.monotonic() < until:
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    raise AssertionError("the child lives on")

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gash_jax.files.settings import ConfigError
-from gash_jax.train.sweep import load_sweep
+from gash_jax.train.sweep import load_sweep, run_folder
 
 SPEC = """
 name = "s"
@@ -48,6 +48,17 @@ def test_a_changed_sweep_keeps_what_still_belongs_to_it(tmp_path: Path) -> None:
     more = {run.id for run in load_sweep(_write(tmp_path, SPEC.replace("[8, 16]", "[8, 16, 32]")))[1]}
     other = {run.id for run in load_sweep(_write(tmp_path, SPEC.replace("shapes=64", "shapes=32")))[1]}
     assert before < more and len(more) == 11 and not before & other
+
+
+def test_names_do_not_count_and_folders_can_be_read(tmp_path: Path) -> None:
+    first, renamed = (load_sweep(_write(tmp_path, SPEC.replace('"s"', f'"{name}"')))[1] for name in ("s", "t"))
+    assert [run.id for run in first] == [run.id for run in renamed]
+    assert first[0].config.name != renamed[0].config.name
+    assert first[0].folder == f"latent_8-depth_1-seed_0-{first[0].id}"
+    (tmp_path / first[0].folder).mkdir()
+    assert run_folder(tmp_path, first[0].id) == tmp_path / first[0].folder
+    with pytest.raises(ConfigError, match="holds no run"):
+        run_folder(tmp_path, first[1].id)
 
 
 def test_a_config_beside_the_sweep(tmp_path: Path) -> None:

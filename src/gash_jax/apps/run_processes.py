@@ -57,7 +57,7 @@ def _work(waiting: "queue.Queue[Run]", cores: list[int], folder: Path, tell: Tel
         except queue.Empty:
             return
         mine, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_child, args=(run, folder / run.id, cores, theirs), daemon=True)
+        process = context.Process(target=_child, args=(run, folder / run.folder, cores, theirs), daemon=True)
         process.start()
         theirs.close()
         try:
@@ -73,6 +73,7 @@ def _child(run: Run, folder: Path, cores: list[int], pipe: Any) -> None:
     """One run in its own process, on its own cores; sends fractions, then the line or the error."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, cores)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     keep_compiled_programs()  # those for so many cores
     try:
         line = train_run(run, folder, lambda phase, fraction, values: pipe.send(fraction))
@@ -81,3 +82,11 @@ def _child(run: Run, folder: Path, cores: list[int], pipe: Any) -> None:
         pass
     except Exception as error:  # noqa: BLE001 - whatever it was, the other runs go on and the user is told
         pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _end_with_parent() -> None:
+    """A child of a process that was killed would train on, unseen."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -38,10 +38,10 @@ def allowed_values(limits: Mapping[str, Any]) -> str:
     if limits.get("choices"):
         return f"one of {', '.join(limits['choices'])}"
     least, most, below = (limits.get(name) for name in ("least", "most", "below"))
-    upper = "" if most is None and below is None else f"to {most:g}" if below is None else f"to below {below:g}"
+    upper = "" if most is None and below is None else f"to {most}" if below is None else f"to below {below}"
     if least is None:
         return upper and f"up {upper}"
-    return f"from {least:g} {upper}" if upper else f"at least {least:g}"
+    return f"from {least} {upper}" if upper else f"at least {least}"
 
 
 def check_settings(config: Any) -> None:

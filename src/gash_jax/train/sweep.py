@@ -11,11 +11,12 @@
     seeds = [1, 2]
     points = [{latent = 8, depth = 1}]
 
-A run is named by the hash of its resolved config, so that a changed sweep keeps what still belongs to it.
+A run is known by the hash of its resolved config, names aside, so that a changed sweep keeps what still belongs to it.
 """
 
 import hashlib
 import json
+import re
 import tomllib
 from dataclasses import dataclass, field
 from itertools import product
@@ -66,8 +67,15 @@ class Run:
 
     @property
     def id(self) -> str:
-        """Hash of the resolved config."""
-        return hashlib.sha256(json.dumps(self.config.to_dict(), sort_keys=True).encode()).hexdigest()[:12]
+        """Hash of the resolved config but for its name."""
+        values = {**self.config.to_dict(), "name": ""}
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+    @property
+    def folder(self) -> str:
+        """Name of the run's folder: its point and seed to read, its id to tell it apart."""
+        label = "-".join([*(f"{name}_{value}" for name, value in self.point.items()), f"seed_{self.seed}"])
+        return f"{re.sub(r'[^A-Za-z0-9._-]+', '_', label)}-{self.id}"
 
 
 def load_sweep(path: Path) -> tuple[str, list[Run]]:
@@ -103,6 +111,14 @@ def load_sweep(path: Path) -> tuple[str, list[Run]]:
     return sweep.name, runs
 
 
+def run_folder(folder: Path, id: str) -> Path:
+    """The folder of a run by its id. Raises ConfigError where there is none."""
+    found = sorted(folder.glob(f"*{id}"))
+    if not found:
+        raise ConfigError(f"{folder} holds no run {id}: its weights are lost, train it again")
+    return found[0]
+
+
 def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[str, Any]:
     """Train (or continue) one run; its line of results, measured on the validation shapes."""
     path, _ = run_config(run.config, folder, report=report)
@@ -115,6 +131,7 @@ def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[st
         **run.point,
         "seed": run.seed,
         "steps": last[-1]["step"],
+        "phase_steps": {line["phase"]: line["step"] for line in lines},
         "best_step": best["step"],
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(model.params)),
         **{name: best[name] for name in ("mse", "relrmse", "skill", "shadow_mse")},

@@ -19,12 +19,12 @@ from gash_jax.apps.pictures.plots import plot_pareto
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.run_processes import train_in_processes
-from gash_jax.files.atomic import check_writable, whole_file
+from gash_jax.files.atomic import check_writable, whole_file, write_text
 from gash_jax.files.settings import ConfigError
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import load_model
 from gash_jax.shapes.procedural import make_shape
-from gash_jax.train.sweep import Run, load_sweep
+from gash_jax.train.sweep import Run, load_sweep, run_folder
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
 TIMED_SHAPE = (7, 2)  # seed and index of the generated mesh that inference is timed on
@@ -40,7 +40,9 @@ def sweep(sweep_file: Path, output: Path, jobs: int, quiet: bool) -> None:
     name, runs = load_sweep(sweep_file)
     output.mkdir(parents=True, exist_ok=True)
     check_writable(output / LINES)
-    done = {line["id"] for line in _read(output / LINES)}
+    before = _read(output / LINES)
+    write_text(output / LINES, "".join(json.dumps(line) + "\n" for line in before))
+    done = {line["id"] for line in before}
     missing = [run for run in runs if run.id not in done]
     say(f"{name}: {len(runs)} runs, {len(runs) - len(missing)} done before", quiet)
     failures = _train_missing(missing, output, jobs, quiet)
@@ -57,7 +59,16 @@ def sweep(sweep_file: Path, output: Path, jobs: int, quiet: bool) -> None:
 
 
 def _read(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    """The results so far; a line that an interruption has cut is left out."""
+    lines = []
+    for text in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        if isinstance(line, dict) and "id" in line:
+            lines.append(line)
+    return lines
 
 
 def _train_missing(missing: Sequence[Run], output: Path, jobs: int, quiet: bool) -> list[str]:
@@ -85,7 +96,7 @@ def _inference_times(lines: Sequence[dict[str, Any]], output: Path, quiet: bool)
     by_shape: dict[str, float] = {}
     with progress_bar("timing", quiet) as update:
         for step, line in enumerate(lines):
-            model = load_model(output / "runs" / line["id"] / "model.npz")
+            model = load_model(run_folder(output / "runs", line["id"]) / "model.npz")
             shape = json.dumps(model.config.to_dict())
             if shape not in by_shape:
                 graph = model.graph(mesh)
