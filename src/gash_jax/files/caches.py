@@ -21,7 +21,7 @@ from pathlib import Path
 
 from gash_jax.files.cores import available_cores
 
-LARGEST_BYTES = 64 << 20  # of compiled programs in one folder; JAX looks at each of them when it adds one
+LARGEST_BYTES = 32 << 20  # some 1500 programs in one folder; JAX looks at each of them when it adds one
 UNUSED_DAYS = 30  # after which the folder of another processor or version is removed
 LOCK_SECONDS = 2.0  # who would wait longer does without the cache
 SETTINGS = {
