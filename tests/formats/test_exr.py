@@ -215,7 +215,7 @@ BAD = {
     "huge": (lambda p: write(p, rgb(PLACES), displayWindow=window(0, 0, 99998, 99998)), "99999 x 99999 pixels"),
     "nan": (lambda p: write(p, spoilt(np.nan)), r"not finite \(1 pixels, the first in row 2, column 5\)"),
     "inf": (lambda p: write(p, spoilt(np.inf)), "not finite .* half float ends at 65504"),
-    "negative": (lambda p: write(p, spoilt(-0.5)), r"negative \(1 pixels, the first in row 2, column 5\): set"),
+    "negative": (lambda p: write(p, spoilt(-500.0)), r"negative \(1 pixels, the first in row 2, column 5\): set"),
     "empty": (lambda p: p.write_bytes(b""), "not an OpenEXR picture"),
     "text": (lambda p: p.write_text("hello"), "not an OpenEXR picture: readable are .* convert"),
     "hdr": (lambda p: write_hdr(p, PLACES), "not an OpenEXR picture"),

@@ -4,8 +4,10 @@ Of a file with several parts the first flat (not deep) one with colour is read. 
 R, G, B without a layer name, else Y alone as grey, else the only layer with R, G, B (`layer.R`; letters of either
 case). Alpha is left out: colours are premultiplied by it (OpenEXR, "Technical Introduction"), so they are the radiance
 that arrives. The display window is the picture: of the data window what lies outside is cropped, what is missing is
-black. Row 0 is up whatever the line order. Values are taken as linear Rec. 709 and in the file's own unit, like those
-of .hdr maps: `chromaticities` and `whiteLuminance` are not applied.
+black. Row 0 is up whatever the line order. Colours are those of `chromaticities` (Rec. 709 without it) and converted to
+Rec. 709; values are in the file's own unit, like those of .hdr maps: `whiteLuminance` is not applied. The attribute
+`envmap` = latlong defines other directions than those of everything else here, and files differ in whether they mean
+it: it is noted, the picture is not turned.
 """
 
 import contextlib
@@ -18,19 +20,29 @@ import numpy as np
 import OpenEXR
 from jaxtyping import Float, Shaped
 
-from gash_jax.formats.hdr import FORMATS, MOST_PIXELS, LightError, read_bytes
+from gash_jax.formats.picture import FORMATS, MOST_PIXELS, LightError, Picture, read_bytes, without_negatives
+from gash_jax.formats.primaries import in_rec_709
 
 _MAGIC = b"\x76\x2f\x31\x01"
 # the C++ exceptions as Python sees them, and names in a damaged header that are not UTF-8
 _FAILURES = (RuntimeError, ValueError, LookupError, ArithmeticError, MemoryError)
+_ENVMAP_NOTE = (
+    "by its attribute envmap = latlong the centre of the picture is +z and its left quarter +x; it is read like every "
+    "map here, centre -z: turn the light by 180 degrees about y if the file means it"
+)
 _DEEP = (OpenEXR.deepscanline, OpenEXR.deeptile)
 
 
 def read_exr(path: str | Path) -> Float[np.ndarray, "h w 3"]:
-    """Linear radiance of an OpenEXR picture, float32, top row first, left pixel first.
+    """Linear radiance of an OpenEXR picture, float32, top row first, left pixel first. Raises LightError."""
+    return open_exr(path).radiance
+
+
+def open_exr(path: str | Path) -> Picture:
+    """An OpenEXR picture with notes on its colours, its negative values and its directions.
 
     Raises LightError if the file is missing, a folder, of another format, truncated, a cube map, without one clear
-    colour, or holds radiance that is not finite or negative.
+    colour, or holds radiance that is not finite or negative in more than one hundredth.
     """
     path = Path(path)
     if read_bytes(path, len(_MAGIC)) != _MAGIC:
@@ -45,9 +57,13 @@ def read_exr(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     if not whole:
         raise LightError(f"{path} is truncated or damaged: its pixels end or break early, fetch it again")
     pixels = np.stack([whole[0].channels[name].pixels for name in names], axis=-1, dtype=np.float32)
-    image = _in_display_window(pixels, part.header, path)
-    _check_radiance(image, path)
-    return image
+    image, notes = without_negatives(_in_display_window(pixels, part.header, path), path)
+    if len(set(names)) == 3 and "chromaticities" in part.header:  # grey has no colour to convert
+        image, note = in_rec_709(image, np.array(part.header["chromaticities"], dtype=np.float64))
+        notes += note
+    if part.header.get("envmap") == OpenEXR.ENVMAP_LATLONG:
+        return Picture(image, (*notes, _ENVMAP_NOTE), "latlong")
+    return Picture(image, notes)
 
 
 class _Part(NamedTuple):
@@ -140,16 +156,3 @@ def _in_display_window(
     whole = np.zeros((height, width, 3), image.dtype)
     whole[rows, columns] = image[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
     return whole
-
-
-def _check_radiance(image: Float[np.ndarray, "h w 3"], path: Path) -> None:
-    """What no .hdr map can hold is refused, with its place."""
-    for bad, words, cure in (
-        (~np.isfinite(image), "not finite", "a half float ends at 65504, save 32-bit floats"),
-        (image < 0, "negative", "set it to 0 when saving"),
-    ):
-        bad = bad.any(axis=-1)
-        if bad.any():
-            row, column = np.argwhere(bad)[0]
-            place = f"{bad.sum()} pixels, the first in row {row}, column {column}"
-            raise LightError(f"{path} holds radiance that is {words} ({place}): {cure}")
