@@ -15,10 +15,10 @@ from typing import Any
 import jax
 import numpy as np
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import bumpy_sphere
 
 # vertices, unshadowed and shadowed seconds of Table 1

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "neural_gash"))
 
 from evaluate import load_meshes
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.motors import compose, inverse, motor
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.atomic import write_json
@@ -28,7 +29,6 @@ from gash_jax.graph.surfels import surfel_records
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
 from gash_jax.models.model import Model, load_model
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import box, icosphere
 
 SCALE, SHIFT = 2.5, (3.0, -1.0, 2.0)

@@ -161,30 +161,6 @@ def test_band_index_by_hand():
     np.testing.assert_array_equal(sh.band_index(3), [0, 1, 1, 1, 2, 2, 2, 2, 2])
 
 
-def test_clamped_cosine_by_hand():
-    expected = np.pi * np.array([1, 2 / 3, 1 / 4, 0, -1 / 24, 0, 1 / 64, 0, -1 / 128])
-    np.testing.assert_allclose([sh.clamped_cosine(band) for band in range(9)], expected, rtol=1e-15)
-
-
-def test_clamped_cosine_is_the_integral():
-    """A_l = 2 pi integral of z P_l(z) over [0, 1], by Gauss-Legendre quadrature."""
-    node, weight = leggauss(60)
-    z, weight = (node + 1) / 2, weight / 2
-    for band in range(101):
-        integral = 2 * np.pi * np.sum(weight * z * Legendre.basis(band)(z))
-        np.testing.assert_allclose(sh.clamped_cosine(band), integral, atol=3e-14)
-
-
-def test_clamped_cosine_coefficients_repeat_per_band():
-    coefficients = sh.clamped_cosine_coefficients(3)
-    np.testing.assert_allclose(coefficients / np.pi, [1, *[2 / 3] * 3, *[1 / 4] * 5], rtol=1e-15)
-
-
-def test_clamped_cosine_has_no_negative_band():
-    with pytest.raises(ValueError, match="use 0 or more"):
-        sh.clamped_cosine(-1)
-
-
 def test_windows_by_hand():
     hann, lanczos = sh.hann_window(4, 3), sh.lanczos_window(4, 3)
     first = sh.band_index(4) ** 2 + sh.band_index(4)

@@ -4,10 +4,10 @@ import jax
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.directions import cosine_hemisphere, orthonormal_frame
 from gash_jax.algebra.sh import evaluate_sh
 from gash_jax.prt.sampling import LATTICES, integrate_rays, korobov, lattice, sample_rays, to_world
-from gash_jax.prt.transfer import unshadowed_transfer
 
 
 def _rows(count: int = 7, rotations: int = 3, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,6 @@ the integral of Y_j Y_k over the sphere is delta_jk. Band 1 is (y, z, x) * sqrt(
 normalised three-term recurrence in l (Press et al., Numerical Recipes 3rd ed., eq. 6.7.9), whose constants are
 formed in float64; (x + iy)^m by complex multiplication. Directions are unit vectors; nothing is normalised here.
 
-Clamped cosine: A_l of Ramamoorthi & Hanrahan 2001, so that the integral of max(n.w, 0) Y_lm(w) dw = A_l Y_lm(n).
 Windows taper the bands of a light against ringing: Hann (1 + cos(pi l/w))/2 and Lanczos sin(pi l/w)/(pi l/w),
 both zero from l = w on.
 """
@@ -75,25 +74,6 @@ def evaluate_sh(directions: Float[Array | np.ndarray, "... 3"], bands: int) -> F
     directions = jnp.asarray(directions)
     x, y, z = (directions[..., axis] for axis in range(3))
     return jnp.stack([jnp.asarray(component) for component in sh_components(x, y, z, bands)], axis=-1)
-
-
-def clamped_cosine(band: int) -> float:
-    """Factor A_l of the clamped cosine in band l >= 0 (Ramamoorthi & Hanrahan 2001, eq. 8)."""
-    if band < 0:
-        raise ValueError(f"band {band} does not exist: use 0 or more")
-    if band == 1:
-        return 2.0 * math.pi / 3.0
-    if band % 2 == 1:
-        return 0.0
-    half = band // 2
-    # l! / (2^l (l/2)!^2) as an exact ratio of integers: no overflow, no rounding before the division.
-    central = math.comb(band, half) / 2**band
-    return 2.0 * math.pi * (-1) ** (half - 1) / ((band + 2) * (band - 1)) * central
-
-
-def clamped_cosine_coefficients(bands: int) -> Float[np.ndarray, " k"]:
-    """Factor A_l for each coefficient k, float64."""
-    return np.array([clamped_cosine(int(band)) for band in band_index(bands)])
 
 
 def hann_window(bands: int, width: float | int) -> Float[np.ndarray, " k"]:

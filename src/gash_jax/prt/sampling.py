@@ -30,8 +30,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
 from gash_jax.algebra.directions import hammersley, radical_inverse_2
-from gash_jax.algebra.sh import clamped_cosine_coefficients
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 
 ONE_MINUS = float(np.nextafter(np.float32(1), np.float32(0)))
