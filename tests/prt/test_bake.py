@@ -66,7 +66,7 @@ def test_result_does_not_depend_on_chunks_or_repeats(monkeypatch: pytest.MonkeyP
     mesh = bumpy_sphere(16)
     first = bake_transfer(mesh, rays=64, seed=5).coefficients
     np.testing.assert_array_equal(first, bake_transfer(mesh, rays=64, seed=5).coefficients)
-    monkeypatch.setattr("gash_jax.prt.bake.RAYS_PER_CHUNK", 4096)
+    monkeypatch.setattr("gash_jax.prt.tracing.RAYS_PER_CHUNK", 4096)
     np.testing.assert_allclose(first, bake_transfer(mesh, rays=64, seed=5).coefficients, atol=1e-6)
     assert np.any(first != bake_transfer(mesh, rays=64, seed=6).coefficients)
 

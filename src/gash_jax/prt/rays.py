@@ -1,4 +1,4 @@
-"""Where rays start, and the one contract that every visibility backend answers.
+"""Where rays start, and the two questions that every backend answers: does a ray meet anything, and what first.
 
 Rays are traced in *trace space*: the mesh moved to the centre of its bounding box and scaled so that half the
 box's diagonal is 1, computed in float64 and rounded once. Scales from 1e-6 to 1e6 and meshes far from the origin
@@ -35,8 +35,23 @@ MIN_OFFSET = 1.2e-5
 MAX_LIFT = 1e-3
 ROUNDING = 2.0**-24  # of float32, relative
 
-# (origins "r 3", directions "r 3") -> True where the ray meets nothing; directions need not be unit vectors
-VisibilityFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Bool[np.ndarray, "r"]]
+
+class Hits(NamedTuple):
+    """What rays meet first: face -1 where nothing; barycentric weights u, v of the face's second and third corner.
+
+    `distance` counts in lengths of the direction; where nothing is met it is beyond 1e36.
+    """
+
+    face: Int[np.ndarray, "*r"]
+    u: Float[np.ndarray, "*r"]
+    v: Float[np.ndarray, "*r"]
+    distance: Float[np.ndarray, "*r"]
+
+
+# (origins "r 3", directions "r 3") -> answer of every ray; directions need not be unit vectors
+VisibilityFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Bool[np.ndarray, "r"]]  # True: free
+ClosestHitFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Hits]
+RayQuery = VisibilityFn | ClosestHitFn
 
 
 class TraceGeometry(NamedTuple):
