@@ -28,8 +28,9 @@ from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
+from gash_jax.prt.integrands import integrate_rays, to_world
 from gash_jax.prt.rays import trace_geometry
-from gash_jax.prt.sampling import integrate_rays, sample_rays, to_world
+from gash_jax.prt.sampling import sample_rays
 
 RAYS = (8, 16, 32, 64, 128, 256, 512)
 ERRORS = (0.2, 0.1, 0.05, 0.03, 0.02, 0.01)

@@ -9,11 +9,11 @@ import json
 from pathlib import Path
 
 from benchmarks.options import options, saved
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import bumpy_sphere
 
 # vertices, unshadowed and shadowed seconds of Table 1

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.options import parser, saved
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure import metrics
 from gash_jax.measure.provenance import provenance
 from gash_jax.models.ambient import STRENGTH, ambient_occlusion, ambient_refinement
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.procedural import make_shape
 
 FIT_SEED, HELD_SEED, SHAPES = 5, 6, 36

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from experiments.hard_cases.directions import SILENT
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.health import HealthReport, prepare_mesh
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.prt.visibility import visibility
 from gash_jax.shapes.primitives import bumpy_sphere, grid, icosphere, patch, spherical_bowl, uv_sphere
 

@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.options import parser, saved
 from experiments.neural_gash import latency
 from experiments.neural_gash.evaluate import load_meshes
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
@@ -27,7 +28,6 @@ from gash_jax.measure.timing import timed
 from gash_jax.models.deforming import deforming_predictor
 from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import bumpy_sphere
 
 # frequencies of the geodesic sphere: 10 f² + 2 vertices

@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.options import options, saved
 from experiments.neural_gash.evaluate import load_meshes
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.motors import compose, inverse, motor
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
@@ -23,7 +24,6 @@ from gash_jax.graph.surfels import surfel_records
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
 from gash_jax.models.model import Model, load_model
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import box, icosphere
 
 SCALE, SHIFT = 2.5, (3.0, -1.0, 2.0)

@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.options import parser, saved
 from experiments.neural_gash.variants import LONG, SHORT, folder_of
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.methods import evaluate_mesh
@@ -25,7 +26,6 @@ from gash_jax.measure.timing import timed
 from gash_jax.models.ambient import ambient_refinement
 from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.procedural import make_shape
 
 TEST = (

@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.options import parser, saved
 from experiments.neural_gash.evaluate import load_models
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.apps.pictures.views import cast_view, shade_view
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -23,7 +24,6 @@ from gash_jax.light.studio import studio_light
 from gash_jax.measure import metrics
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.procedural import make_shape
 from gash_jax.shapes.triangles import Triangles, join, moved
 

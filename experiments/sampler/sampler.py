@@ -12,8 +12,9 @@ the network; the unshadowed coefficients of the rule itself are worst at 1, 3 an
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
 from gash_jax.algebra.directions import spherical_fibonacci
-from gash_jax.algebra.sh import clamped_cosine_coefficients, evaluate_sh
+from gash_jax.algebra.sh import evaluate_sh
 
 SIDE = 5
 

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gash_jax.algebra.closed_forms import unshadowed_transfer
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
     from gash_jax.prt.plan import plan_bake
-    from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer, unshadowed_transfer
+    from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
     from gash_jax.train.config import RunConfig, load_config
 
 __version__ = version("gash-jax")
 
 _HOMES = {
+    "algebra.closed_forms": ("unshadowed_transfer",),
     "geometry.health": ("HealthReport", "MeshError"),
     "geometry.mesh": ("Mesh",),
     "formats.meshes": ("load_mesh", "read_mesh"),
@@ -42,7 +44,7 @@ _HOMES = {
     "light.environment": ("Light", "load_light", "project_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "light.shading": ("shade",),
-    "prt.transfer": ("Transfer", "load_transfer", "save_transfer", "unshadowed_transfer"),
+    "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

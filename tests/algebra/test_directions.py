@@ -5,13 +5,12 @@ import pytest
 from scipy.stats import qmc
 
 from gash_jax.algebra.directions import (
-    cosine_hemisphere,
-    cranley_patterson,
     fibonacci_hemisphere,
     hammersley,
     orthonormal_frame,
     radical_inverse_2,
     spherical_fibonacci,
+    turn_about_normal,
 )
 
 
@@ -43,47 +42,6 @@ def test_hammersley_fills_every_elementary_interval():
 def test_empty_sets_are_refused(make, count):
     with pytest.raises(ValueError, match="use 1 or more"):
         make(count)
-
-
-def test_cranley_patterson_by_hand():
-    moved = cranley_patterson(np.array([[0.0, 0.5], [0.75, 0.25]]), np.array([0.5, 0.75]))
-    np.testing.assert_array_equal(moved, [[0.5, 0.25], [0.25, 0.0]])
-
-
-@pytest.mark.parametrize("lead", [(), (7, 9)])
-def test_cranley_patterson_shapes_and_dtype(lead):
-    shift = np.random.default_rng(0).random((*lead, 2)).astype(np.float32)
-    for array in (shift, jnp.asarray(shift)):
-        moved = cranley_patterson(hammersley(5), array)
-        assert moved.shape == (*lead, 5, 2) and moved.dtype == np.float32 and isinstance(moved, type(array))
-        difference = np.asarray(moved, np.float64) - hammersley(5) - shift[..., None, :]
-        np.testing.assert_allclose(difference, np.round(difference), atol=2e-7)
-
-
-def test_cranley_patterson_stays_below_one_in_float32():
-    edge = np.nextafter(np.float32(1), np.float32(0))
-    points = np.array([[0.0, 0.5], [1 - 1e-12, 0.0], [edge, edge]])
-    for shift in ([edge, edge], [-1e-12, -1e-12], [0.0, 0.0], [1e-12, 0.5]):
-        for array in (np.array(shift, np.float32), jnp.array(shift, jnp.float32)):
-            moved = np.asarray(cranley_patterson(points, array))
-            assert (moved >= 0).all() and (moved < 1).all()
-
-
-def test_cosine_hemisphere_by_hand():
-    directions = cosine_hemisphere(np.array([[0.0, 0.3], [0.25, 0.0], [0.25, 0.25], [0.75, 0.5]]))
-    expected = [[0, 0, 1], [0.5, 0, 0.75**0.5], [0, 0.5, 0.75**0.5], [-(0.75**0.5), 0, 0.5]]
-    np.testing.assert_allclose(directions, expected, atol=2e-16)
-
-
-def test_cosine_hemisphere_has_density_cos_over_pi():
-    grid = (np.arange(200) + 0.5) / 200
-    points = np.stack(np.meshgrid(grid, grid), axis=-1)
-    x, y, z = np.moveaxis(np.asarray(cosine_hemisphere(points)), -1, 0)
-    np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=1e-15)
-    # integral of cos^(p + 1) / pi over the hemisphere = 2 / (p + 2)
-    for power in (1, 2, 3, 4):
-        np.testing.assert_allclose(np.mean(z**power), 2 / (power + 2), rtol=1e-4)
-    np.testing.assert_allclose([np.mean(x), np.mean(y), np.mean(x * x), np.mean(y * y)], [0, 0, 0.25, 0.25], atol=1e-14)
 
 
 @pytest.mark.parametrize("make", [spherical_fibonacci, fibonacci_hemisphere])
@@ -166,3 +124,33 @@ def test_frames_transform():
     poles = jnp.asarray(np.concatenate([normals, _near_pole().astype(np.float32)]))
     gradient = jax.jit(jax.grad(lambda n: jnp.sum(orthonormal_frame(n))))(poles)
     assert np.isfinite(gradient).all()
+
+
+def test_turn_about_normal_by_hand():
+    """A quarter turn takes the tangent to the bitangent and that to minus the tangent; the normal stays."""
+    for frame, angle in ((np.eye(3), np.array(np.pi / 2)), (jnp.eye(3), jnp.asarray(np.pi / 2))):
+        turned = turn_about_normal(frame, angle)
+        assert isinstance(turned, type(frame))
+        np.testing.assert_allclose(turned, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-7)
+
+
+def test_turns_about_the_normal_add_up_and_keep_frames():
+    """(7, 1) frames under (7, 4) angles; turned by a and then by b is turned by a + b."""
+    frames, angles = orthonormal_frame(_normals(7))[:, None], np.random.default_rng(0).normal(size=(2, 7, 4))
+    turned = turn_about_normal(frames, angles[0])
+    assert turned.shape == (7, 4, 3, 3)
+    np.testing.assert_allclose(
+        np.swapaxes(turned, -1, -2) @ turned, np.broadcast_to(np.eye(3), turned.shape), atol=1e-14
+    )
+    np.testing.assert_allclose(
+        turn_about_normal(turned, angles[1]), turn_about_normal(frames, angles.sum(0)), atol=1e-14
+    )
+
+
+def test_turn_about_normal_transforms():
+    frames = jnp.asarray(orthonormal_frame(_normals(5)), jnp.float32)
+    angles = jnp.linspace(-4.0, 4.0, 5)
+    eager = turn_about_normal(frames, angles)
+    np.testing.assert_allclose(jax.jit(turn_about_normal)(frames, angles), eager, atol=1e-6)
+    np.testing.assert_allclose(jax.vmap(turn_about_normal)(frames, angles), eager, atol=1e-6)
+    assert np.isfinite(jax.grad(lambda a: jnp.sum(turn_about_normal(frames, a)))(angles)).all()

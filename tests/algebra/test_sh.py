@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sphericart
 from numpy.polynomial.legendre import Legendre, leggauss
-from scipy.special import sph_harm_y
+from scipy.special import lpmv, sph_harm_y
 
 from gash_jax.algebra import sh
 
@@ -72,6 +72,40 @@ def test_agrees_with_scipy():
             np.testing.assert_allclose(basis[:, band * band + band + m], value.real, atol=1e-13)
             if m:
                 np.testing.assert_allclose(basis[:, band * band + band - m], value.imag, atol=1e-13)
+
+
+def test_legendre_functions_by_hand():
+    """P_0 .. P_2 and, without (1 - z^2)^(1/2), P_11 = 1, P_21 = 3 z: at z = 1/2."""
+    half = np.array(0.5)
+    np.testing.assert_allclose(sh.legendre_functions(half, 1.0, 3, 0), [1, 0.5, -0.125], rtol=1e-15)
+    np.testing.assert_allclose(sh.legendre_functions(half, 1.0, 3, 1), [1, 1.5], rtol=1e-15)
+    assert sh.legendre_functions(half, 1.0, 3, 2) == [1.0]
+
+
+def test_legendre_functions_agree_with_scipy_in_both_normalisations():
+    z = np.linspace(-1, 1, 41)
+    for m in range(10):
+        first = float(np.prod(np.arange(1, 2 * m, 2))) * np.sqrt(1 - z * z) ** m
+        plain = sh.legendre_functions(z, first, 10, m)
+        expected = [(-1) ** m * lpmv(m, band, z) for band in range(m, 10)]  # scipy carries the Condon-Shortley sign
+        np.testing.assert_allclose(plain, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+        norms = [
+            math.sqrt((2 * band + 1) / 2 * math.factorial(band - m) / math.factorial(band + m)) for band in range(m, 10)
+        ]
+        normalised = sh.legendre_functions(z, norms[0] * first, 10, m, normalised=True)
+        np.testing.assert_allclose(normalised, np.array(norms)[:, None] * expected, atol=1e-13)
+
+
+def test_legendre_functions_transform():
+    z = jnp.linspace(-1, 1, 9)
+    for normalised in (False, True):
+
+        def last(z: jax.Array, normalised: bool = normalised) -> jax.Array:
+            return sh.legendre_functions(z, jnp.ones_like(z), 6, 1, normalised=normalised)[-1]
+
+        np.testing.assert_allclose(jax.jit(last)(z), last(z), rtol=1e-5)
+        np.testing.assert_allclose(jax.vmap(last)(z), last(z), rtol=1e-5)
+        assert np.isfinite(jax.vmap(jax.grad(last))(z)).all()
 
 
 def test_orthonormal():
@@ -159,30 +193,6 @@ def test_bands_inside_the_range_pass():
 
 def test_band_index_by_hand():
     np.testing.assert_array_equal(sh.band_index(3), [0, 1, 1, 1, 2, 2, 2, 2, 2])
-
-
-def test_clamped_cosine_by_hand():
-    expected = np.pi * np.array([1, 2 / 3, 1 / 4, 0, -1 / 24, 0, 1 / 64, 0, -1 / 128])
-    np.testing.assert_allclose([sh.clamped_cosine(band) for band in range(9)], expected, rtol=1e-15)
-
-
-def test_clamped_cosine_is_the_integral():
-    """A_l = 2 pi integral of z P_l(z) over [0, 1], by Gauss-Legendre quadrature."""
-    node, weight = leggauss(60)
-    z, weight = (node + 1) / 2, weight / 2
-    for band in range(101):
-        integral = 2 * np.pi * np.sum(weight * z * Legendre.basis(band)(z))
-        np.testing.assert_allclose(sh.clamped_cosine(band), integral, atol=3e-14)
-
-
-def test_clamped_cosine_coefficients_repeat_per_band():
-    coefficients = sh.clamped_cosine_coefficients(3)
-    np.testing.assert_allclose(coefficients / np.pi, [1, *[2 / 3] * 3, *[1 / 4] * 5], rtol=1e-15)
-
-
-def test_clamped_cosine_has_no_negative_band():
-    with pytest.raises(ValueError, match="use 0 or more"):
-        sh.clamped_cosine(-1)
 
 
 def test_windows_by_hand():

@@ -6,7 +6,7 @@ import jraph
 import numpy as np
 import pytest
 
-from gash_jax.geometry.mesh import Mesh, subdivide_midpoint, transform
+from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.encodings import motor_nodes
 from gash_jax.graph.mesh_graph import (
     build_graph,
@@ -14,7 +14,6 @@ from gash_jax.graph.mesh_graph import (
     knn_graph,
     mesh_edge_graph,
     rings_graph,
-    surface_radius,
     with_frames,
     with_relative_edges,
     with_relative_motors,
@@ -100,20 +99,6 @@ def test_relative_edges_can_be_added_to_any_graph(bumpy: Mesh) -> None:
     graph: Any = with_relative_edges(plain, bumpy)
     assert graph.edges["relative"].shape == (len(plain.senders), 16)
     assert "frame" not in plain.nodes and "relative" not in plain.edges
-
-
-def test_the_unit_of_edges_belongs_to_the_surface(bumpy: Mesh, rotation: np.ndarray) -> None:
-    # a square of side 2 in two triangles: their middles are (1/3, 1/3) from the centroid
-    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], np.float32)
-    square = Mesh(
-        corners, np.tile(np.array([[0, 1, 0]], np.float32), (4, 1)), np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    )
-    assert surface_radius(square) == pytest.approx(np.sqrt(2) / 3)
-    moved = transform(bumpy, rotation, np.array([30.0, -10.0, 2.0]), 7.0)
-    assert surface_radius(moved) == pytest.approx(7 * surface_radius(bumpy), rel=1e-5)
-    # the same surface in smaller triangles: only the position of each triangle's middle changes
-    fine = subdivide_midpoint(subdivide_midpoint(subdivide_midpoint(bumpy)))
-    assert surface_radius(fine) == pytest.approx(surface_radius(bumpy), rel=0.02)
 
 
 def test_build_graph_by_name(bumpy: Mesh) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
-from gash_jax.graph.mesh_graph import surface_radius
+from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.graph.surfel_graph import (
     NEAR,
     SurfelGraph,
@@ -60,7 +60,7 @@ def test_slots_lead_from_vertices_to_their_nodes(bumpy: Mesh) -> None:
     back = _by_vertex(graph, "position") * graph.scale + graph.center
     np.testing.assert_allclose(back, bumpy.vertices, atol=1e-6)
     np.testing.assert_array_equal(_by_vertex(graph, "normal"), bumpy.normals)
-    np.testing.assert_allclose(graph.scale, surface_radius(bumpy), rtol=1e-6)
+    np.testing.assert_allclose(graph.scale, NormalisedMesh(bumpy).radius, rtol=1e-6)
 
 
 def test_the_last_block_repeats_its_last_vertex() -> None:

@@ -5,8 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.prt.transfer import Transfer, unshadowed_transfer
+from gash_jax.prt.transfer import Transfer
 from tests.helpers.closed_forms import ClosedFormScene
 
 # by symmetry the count of free rays is nearly fixed here, so t_00 is off by less than a ray a replicate

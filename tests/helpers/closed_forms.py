@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gash_jax.geometry.mesh import Mesh, center_and_scale, concatenate, face_areas, face_normals
+from gash_jax.geometry.mesh import Mesh, concatenate, face_areas, face_normals
+from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.shapes.primitives import box, grid, icosphere, patch, spherical_bowl, v_groove
 from tests.helpers.transfer_formulas import (
     Y00,
@@ -91,7 +92,7 @@ def make_scene(
     coefficients = exact.shape[-1]
     exact = np.broadcast_to(exact, (len(probes), coefficients))
     normals = mesh.normals[probes].astype(np.float64)
-    origins = mesh.vertices[probes] + LIFT * center_and_scale(mesh)[1] * normals
+    origins = mesh.vertices[probes] + LIFT * NormalisedMesh(mesh).half_diagonal * normals
     poses, same = np.unique(np.concatenate([origins, normals], axis=1), axis=0, return_inverse=True)
     of_mesh = value(poses[:, :3], poses[:, 3:])[same.ravel(), :coefficients]
     tessellation = np.abs(of_mesh - exact).max(axis=1)

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gash_jax.algebra.sh import clamped_cosine_coefficients, hann_window, sh_components
+from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
+from gash_jax.algebra.sh import hann_window, sh_components
 from gash_jax.light.environment import Light, light_metadata, project_light
 from gash_jax.light.shading import shade
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.light.environment import pixel_directions, project_light
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import KEY, RIM, studio_light
-from gash_jax.prt.transfer import unshadowed_transfer
 
 
 def unit(vector: tuple[float, float, float]) -> np.ndarray:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure import metrics
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere
 
 REFERENCE = np.array([[3.0, 0.0], [0.0, 4.0]], np.float32)

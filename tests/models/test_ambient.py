@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals, referenced
-from gash_jax.graph.mesh_graph import surface_radius
+from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.models.ambient import RADIUS, ambient_occlusion, ambient_refinement
 from gash_jax.shapes.primitives import icosphere
 from gash_jax.shapes.procedural import make_shape
@@ -12,7 +12,7 @@ from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
 
 def _by_loop(mesh: Mesh, neighbours: int) -> np.ndarray:
-    points, reach = mesh.vertices.astype(float), RADIUS * surface_radius(mesh)
+    points, reach = mesh.vertices.astype(float), RADIUS * NormalisedMesh(mesh).radius
     valid, out = np.flatnonzero(referenced(mesh)), np.zeros(len(mesh.vertices))
     for i, point in enumerate(points):
         distances = np.linalg.norm(points[valid] - point, axis=1)
@@ -41,7 +41,7 @@ def test_two_vertices_by_hand() -> None:
     faces = np.array([[0, 1, 2]], np.int32)
     normals = np.array([[0, 1, 0], [0, 1, 0], [0, 0, 0]], np.float32)
     mesh = Mesh(vertices, normals, faces)
-    reach = RADIUS * surface_radius(mesh)
+    reach = RADIUS * NormalisedMesh(mesh).radius
     assert reach < 1  # so the first two do not reach one another
     assert ambient_occlusion(mesh)[2] == 0  # no normal, no tangent plane
     pair = Mesh(np.array([[0, 0, 0], [0.01, 0.01 / np.sqrt(3), 0], [3, 0, 0], [0, 0, 3]], np.float32), *mesh[1:])

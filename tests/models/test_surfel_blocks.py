@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfel_selection import BLOCK
 from gash_jax.models import surfel_blocks as blocks
@@ -15,7 +16,6 @@ from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.surfel_blocks import BlockPool
 from gash_jax.models.surfel_inference import predict_surfels
 from gash_jax.nn.surfel_net import by_band
-from gash_jax.prt.transfer import unshadowed_transfer
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 CONFIG = model_config("local", channels=8, layers=1, neighbours=12)

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.mesh_graph import edgeless_graph, rings_graph, with_relative_edges
-from gash_jax.nn.closed_form import closed_form
 from gash_jax.nn.ring_net import RingNet
 from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
 
@@ -30,11 +30,11 @@ def _same_table(mesh: Mesh, graph: Any) -> Any:
     return with_relative_edges(bare._replace(senders=graph.senders, receivers=graph.receivers), mesh)
 
 
-def test_untrained_it_is_the_closed_form() -> None:
+def test_untrained_it_is_the_unshadowed_transfer() -> None:
     module, graph = RingNet(channels=8, layers=1, heads=2), rings_graph(BUMPY)
     variables = jax.jit(module.init)(jax.random.key(0), graph)
     out = jax.jit(module.apply)(variables, graph)
-    np.testing.assert_array_equal(out, jax.jit(closed_form, static_argnums=1)(BUMPY.normals, 3))
+    np.testing.assert_array_equal(out, jax.jit(unshadowed_transfer, static_argnums=1)(BUMPY.normals, 3))
 
 
 @pytest.mark.parametrize("bands", [3, 4])
@@ -43,7 +43,7 @@ def test_its_prediction_turns_with_the_mesh(bands: int) -> None:
     rotation, graph = random_rotation(5), rings_graph(BUMPY)
     out = apply(variables, graph)
     moved = apply(variables, _same_table(transform(BUMPY, rotation, np.array([3.0, -1.0, 2.0]), 7.5), graph))
-    assert float(jnp.abs(out - closed_form(BUMPY.normals, bands)).max()) > 0.1
+    assert float(jnp.abs(out - unshadowed_transfer(BUMPY.normals, bands)).max()) > 0.1
     turned = rotate_coefficients(out, jnp.asarray(rotation, jnp.float32)[None])
     np.testing.assert_allclose(moved, turned, atol=1e-4)
 

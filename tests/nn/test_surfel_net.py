@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, normalised, plan_surfels, surfel_graph
 from gash_jax.graph.surfels import surfel_records
-from gash_jax.nn.closed_form import closed_form
 from gash_jax.nn.surfel_net import SurfelNet, by_band, fall_back
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation, random_variables
@@ -46,13 +46,13 @@ def _turned(output: Any, bands: int, rotation: np.ndarray) -> np.ndarray:
     return np.concatenate([rotate_coefficients(output[:, : bands**2], matrix), output[:, bands**2 :]], axis=1)
 
 
-def test_untrained_it_is_the_closed_form() -> None:
+def test_untrained_it_is_the_unshadowed_transfer() -> None:
     """Whatever its other weights are: the head starts at zero."""
     (apply, variables), graph = _net(), _graph()
     module = SurfelNet(channels=8, layers=1)
     head = jax.jit(lambda key: module.init(key, graph.blocks)["params"]["head"])(jax.random.key(0))
     out = apply({"params": {**variables["params"], "head": head}}, graph.blocks)
-    np.testing.assert_allclose(out[:, :9], closed_form(_normals(graph), 3), atol=1e-7)
+    np.testing.assert_allclose(out[:, :9], unshadowed_transfer(_normals(graph), 3), atol=1e-7)
 
 
 @pytest.mark.parametrize("bands", [3, 4])
@@ -64,7 +64,7 @@ def test_with_the_same_plan_its_prediction_turns_with_the_mesh(bands: int) -> No
     moved, normals = ((a @ rotation.T).astype(np.float32) for a in (positions, BUMPY.normals))
     blocks = block_arrays(plan, surfel_records(plan.tree, moved, plan.faces), moved, normals)
     out = apply(variables, _graph().blocks)
-    assert float(jnp.abs(out[:, : bands**2] - closed_form(_normals(_graph()), bands)).max()) > 0.1
+    assert float(jnp.abs(out[:, : bands**2] - unshadowed_transfer(_normals(_graph()), bands)).max()) > 0.1
     turned = apply(variables, blocks)
     np.testing.assert_allclose(turned, _turned(out, bands, rotation), atol=1e-4)
 
@@ -79,13 +79,13 @@ def test_with_a_plan_of_its_own_the_moved_mesh_has_the_turned_prediction() -> No
         assert np.sqrt(np.mean(difference**2)) < 5e-3
 
 
-def test_on_a_convex_body_any_weights_give_the_closed_form() -> None:
+def test_on_a_convex_body_any_weights_give_the_unshadowed_transfer() -> None:
     apply, variables = _net()
     graph = surfel_graph(icosphere(2), COUNT)
     # it does look at surfels, and none stands above a tangent plane
     assert np.count_nonzero(graph.blocks["surfel"][..., 6]) > 0
     out = apply(variables, graph.blocks)
-    np.testing.assert_allclose(out[:, :9], closed_form(_normals(graph), 3), atol=1e-4)
+    np.testing.assert_allclose(out[:, :9], unshadowed_transfer(_normals(graph), 3), atol=1e-4)
 
 
 def test_order_within_a_list_does_not_matter() -> None:
@@ -145,7 +145,7 @@ def test_jit_changes_nothing() -> None:
 
 def test_fallback_by_hand() -> None:
     normals = jnp.asarray([[0.0, 0.6, 0.8]])
-    exact = closed_form(normals, 2)
+    exact = unshadowed_transfer(normals, 2)
     # band 0: four times the square error of the closed form, a quarter of the trust; band 1: less, full trust
     own, formula = jnp.log(jnp.asarray([[4.0, 0.01]])), jnp.log(jnp.asarray([[1.0, 1.0]]))
     said = [exact + jnp.asarray([[1.0, 1, 2, 3]]), exact, own, formula]

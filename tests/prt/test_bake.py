@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import transform
 from gash_jax.prt.bake import bake_transfer, choose_replicates, standard_error_floor
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere, spherical_bowl, v_groove
 
 ROOT = 0.28209479177387814  # Y_00
@@ -66,7 +66,7 @@ def test_result_does_not_depend_on_chunks_or_repeats(monkeypatch: pytest.MonkeyP
     mesh = bumpy_sphere(16)
     first = bake_transfer(mesh, rays=64, seed=5).coefficients
     np.testing.assert_array_equal(first, bake_transfer(mesh, rays=64, seed=5).coefficients)
-    monkeypatch.setattr("gash_jax.prt.bake.RAYS_PER_CHUNK", 4096)
+    monkeypatch.setattr("gash_jax.prt.tracing.RAYS_PER_CHUNK", 4096)
     np.testing.assert_allclose(first, bake_transfer(mesh, rays=64, seed=5).coefficients, atol=1e-6)
     assert np.any(first != bake_transfer(mesh, rays=64, seed=6).coefficients)
 

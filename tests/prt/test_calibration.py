@@ -8,9 +8,9 @@ a ray: there the floor is a bound, not an estimate, and only its safe side is ch
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure.metrics import calibration
 from gash_jax.prt.bake import bake_transfer, standard_error_floor
-from gash_jax.prt.transfer import unshadowed_transfer
 from tests.helpers.calibration import FREE, LESS_THAN_A_RAY, scene_errors
 from tests.helpers.closed_forms import ClosedFormScene, closed_form_scenes
 

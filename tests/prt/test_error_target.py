@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure.metrics import calibration, equivalent_rays, mse, plain_bake_curve, relrmse
 from gash_jax.prt import error_target
 from gash_jax.prt.allocation import PILOT, VARIANCE
-from gash_jax.prt.bake import Rows, bake_transfer
+from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import KAPPA, MISSED, State, bake_to_error, double_rays, kappa, trace_points
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.prt.tracing import Rows
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere, sphere_above_plane, spherical_bowl
 from gash_jax.shapes.procedural import make_shape
 

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, concatenate
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.rays import trace_geometry
-from gash_jax.prt.transfer import unshadowed_transfer
 from gash_jax.prt.visibility import visibility
 from gash_jax.shapes.primitives import box, grid
 from tests.helpers.bumpy import random_rotation

@@ -37,10 +37,15 @@ def test_scale_does_not_change_trace_space(scale: float) -> None:
 
 
 def test_offset_grows_with_the_distance_from_the_origin() -> None:
-    near, far = icosphere(1), transform(icosphere(1), np.eye(3), np.array([1e5, 0, 0]), 1.0)
-    assert ray_offset(near, 1.0) == MIN_OFFSET
+    far = transform(icosphere(1), np.eye(3), np.array([1e5, 0, 0]), 1.0)
     spacing = float(np.spacing(np.float32(1e5)))
-    assert ray_offset(far, 1.0) == pytest.approx(4 * spacing, rel=1e-3)
+    assert ray_offset(1.0, 1.0) == MIN_OFFSET
+    assert ray_offset(1e5, 1.0) == pytest.approx(4 * spacing, rel=1e-3)
+    # half the diagonal of the sphere's box is nearly sqrt(3)
+    assert trace_geometry(far).offset == pytest.approx(4 * spacing / np.sqrt(3), rel=0.05)
+    loose = far._replace(vertices=np.concatenate([far.vertices, np.full((1, 3), 1e30, np.float32)]))
+    loose = loose._replace(normals=np.concatenate([far.normals, np.zeros((1, 3), np.float32)]))
+    assert trace_geometry(loose).offset == trace_geometry(far).offset
 
 
 def test_isolated_vertices_anywhere_do_not_disturb() -> None:

@@ -1,27 +1,13 @@
-"""The sampling kernels against their definition, written out in float64."""
+"""Point sets and the directions made of them, against their definition written out in float64."""
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gash_jax.algebra.directions import cosine_hemisphere, orthonormal_frame
-from gash_jax.algebra.sh import evaluate_sh
-from gash_jax.prt.sampling import LATTICES, integrate_rays, korobov, lattice, sample_rays, to_world
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.prt.sampling import COSINE, LATTICES, UNIFORM, korobov, lattice, sample_rays
+from tests.helpers.random_rows import random_rows
 
-
-def _rows(count: int = 7, rotations: int = 3, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Origins, frames and shifts; the frames are turned about their normals at random."""
-    rng = np.random.default_rng(seed)
-    normals = rng.normal(size=(count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    angle = rng.random(count) * 2 * np.pi
-    turn = np.zeros((count, 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-    turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
-    frames = np.asarray(orthonormal_frame(normals)) @ turn
-    origins = rng.normal(size=(count, 3)).astype(np.float32)
-    return origins, frames.astype(np.float32), rng.random((count, rotations, 2), np.float32)
+DENSITIES = {"cosine": COSINE, "uniform": UNIFORM}
 
 
 def test_lattice_is_hammersley_in_order_of_azimuth() -> None:
@@ -70,65 +56,44 @@ def _generator(n: int) -> int:
 @pytest.mark.parametrize("name", LATTICES)
 def test_directions_follow_the_definition(name: str) -> None:
     """frac(point + shift) on the cosine hemisphere, turned into the frame of the vertex."""
-    origins, frames, shifts = _rows()
+    origins, frames, shifts = random_rows()
     n = 16
     starts, directions = (np.asarray(a).reshape(7, 3, n, 3) for a in sample_rays(origins, frames, shifts, n, name))
     points = (lattice(n, name)[None, None].astype(np.float64) + shifts[:, :, None]) % 1.0
-    local = np.asarray(cosine_hemisphere(points))
+    radius, azimuth = np.sqrt(points[..., 0]), 2 * np.pi * points[..., 1]
+    local = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.sqrt(1 - points[..., 0])], -1)
     expected = np.einsum("vij,vrnj->vrni", frames, local)
     np.testing.assert_allclose(directions, expected, atol=2e-6)
     np.testing.assert_array_equal(starts, np.broadcast_to(origins[:, None, None], starts.shape))
 
 
-def test_directions_stay_above_the_surface_and_are_unit() -> None:
-    origins, frames, shifts = _rows(count=50)
+@pytest.mark.parametrize("density", DENSITIES, ids=str)
+def test_directions_stay_above_the_surface_and_are_unit(density: str) -> None:
+    origins, frames, shifts = random_rows(count=50)
     shifts[0] = 1 - 2**-24  # the largest float32 below 1 must not wrap below the horizon
-    directions = np.asarray(sample_rays(origins, frames, shifts, 64)[1]).reshape(50, -1, 3)
+    directions = np.asarray(sample_rays(origins, frames, shifts, 64, density=DENSITIES[density])[1]).reshape(50, -1, 3)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0, atol=1e-6)
     assert np.einsum("vnc,vc->vn", directions, frames[..., 2]).min() > -1e-6
 
 
-@pytest.mark.parametrize("name", LATTICES)
-@pytest.mark.parametrize("bands", [1, 3, 6, 10])
-def test_estimate_is_share_of_closed_form_plus_mean_of_the_rest(bands: int, name: str) -> None:
-    """p c + mean of (V - p) Y, written out in the world frame."""
-    origins, frames, shifts = _rows()
-    n = 32
-    directions = np.asarray(sample_rays(origins, frames, shifts, n, name)[1]).reshape(7, 3, n, 3)
-    visible = np.random.default_rng(1).random((7, 3, n)) < 0.6
-    share = np.linspace(0, 1, 7, dtype=np.float32)
-    rest = (visible - share[:, None, None])[..., None] * np.asarray(evaluate_sh(directions, bands), np.float64)
-    closed = np.asarray(unshadowed_transfer(frames[..., 2], bands), np.float64)
-    expected = share[:, None, None] * closed[:, None] + rest.mean(2)
-    found = np.asarray(to_world(integrate_rays(visible, share, shifts, bands, name), frames))
-    np.testing.assert_allclose(found, expected, atol=3e-6 * bands)
+@pytest.mark.parametrize("density", DENSITIES, ids=str)
+def test_density_is_that_of_its_directions(density: str) -> None:
+    """A uniform number u makes z with density 2 pi pdf(z): its integral from z to 1 is u; z² + r² = 1."""
+    height, pdf = DENSITIES[density]
+    u = np.linspace(0, 1, 101, dtype=np.float32)[:-1]
+    z, r = (np.asarray(a, np.float64) for a in height(jnp.asarray(u)))
+    np.testing.assert_allclose(z**2 + r**2, 1, atol=3e-7)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    above = z[:, None] + (1 - z)[:, None] * (nodes + 1) / 2
+    share = np.asarray(pdf(jnp.asarray(above)), np.float64) @ weights / 2 * (1 - z) * 2 * np.pi
+    np.testing.assert_allclose(share, u, atol=1e-6)
 
 
-def test_all_free_is_the_closed_form_and_all_blocked_is_zero_whatever_the_rays() -> None:
-    _, frames, shifts = _rows()
-    ones = np.ones(7, np.float32)
-    free = np.asarray(to_world(integrate_rays(np.ones((7, 3, 4), bool), ones, shifts, 4), frames))
-    closed = np.asarray(unshadowed_transfer(frames[..., 2], 4))
-    np.testing.assert_allclose(free, np.broadcast_to(closed[:, None], free.shape), atol=5e-7)
-    blocked = integrate_rays(np.zeros((7, 3, 4), bool), 0 * ones, shifts, 4)
-    np.testing.assert_array_equal(np.asarray(blocked), 0.0)
-
-
-def test_integral_by_hand() -> None:
-    """One ray straight along +z, visible: the coefficients are Y(+z) = (.2821, 0, .4886, 0)."""
-    shifts = np.zeros((1, 1, 2), np.float32)
-    shifts[0, 0, 0] = -float(lattice(1)[0, 0])  # u = 0 is the pole
-    found = np.asarray(integrate_rays(np.ones((1, 1, 1), bool), np.zeros(1, np.float32), shifts, 2))
-    np.testing.assert_allclose(found[0, 0], [0.282095, 0, 0.488603, 0], atol=1e-6)
-
-
-def test_jit_equals_eager_and_rows_are_independent() -> None:
-    _, _, shifts = _rows()
-    visible = np.random.default_rng(1).random((7, 3, 8)) < 0.5
-    share = np.full(7, 0.3, np.float32)
-    jitted = np.asarray(integrate_rays(visible, share, shifts, 3))
-    with jax.disable_jit():
-        eager = np.asarray(integrate_rays(visible, share, shifts, 3))
-    np.testing.assert_allclose(jitted, eager, atol=1e-6)
-    alone = np.asarray(integrate_rays(visible[4:5], share[4:5], shifts[4:5], 3))
-    np.testing.assert_allclose(alone[0], jitted[4], atol=1e-6)
+def test_densities_by_hand() -> None:
+    """At u = 3/4 cosine-weighted directions have z = 1/2, uniform ones z = 1/4; straight up they have 1/pi, 1/2pi."""
+    three = jnp.asarray([0.75])
+    np.testing.assert_allclose(COSINE.height(three), [[0.5], [np.sqrt(0.75)]], rtol=1e-6)
+    np.testing.assert_allclose(UNIFORM.height(three), [[0.25], [np.sqrt(15) / 4]], rtol=1e-6)
+    np.testing.assert_allclose(
+        [COSINE.pdf(jnp.ones(1)), UNIFORM.pdf(jnp.ones(1))], [[1 / np.pi], [0.5 / np.pi]], rtol=1e-6
+    )

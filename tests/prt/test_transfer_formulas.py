@@ -5,7 +5,7 @@ import pytest
 import sphericart
 from numpy.polynomial.legendre import leggauss
 
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers import transfer_formulas as c
 from tests.helpers.closed_forms import moved, turned_by

@@ -1,11 +1,10 @@
 """Direction sets on the sphere and local frames.
 
-Points of the unit square are (n, 2) in [0, 1)^2: Hammersley's set is (i/n, radical inverse of i in base 2), and a
-Cranley-Patterson rotation adds a shift modulo 1. `cosine_hemisphere` maps (u, v) to the direction about +z with
-sin^2(polar angle) = u and azimuth 2 pi v, whose density is cos/pi. Spherical Fibonacci sets (Keinert et al. 2015)
-have equal steps in z at cell centres and the golden angle in azimuth.
+Hammersley's points of the unit square are (i/n, radical inverse of i in base 2). Spherical Fibonacci sets (Keinert et
+al. 2015) have equal steps in z at cell centres and the golden angle in azimuth. A frame is a matrix with the columns
+tangent, bitangent, normal: it takes local coordinates, z along the normal, to the world.
 
-Sets are float64 NumPy; what maps points or normals takes NumPy or JAX arrays and answers in kind.
+Sets are float64 NumPy; what makes or turns frames takes NumPy or JAX arrays and answers in kind.
 """
 
 from typing import Any
@@ -43,27 +42,6 @@ def hammersley(n: int) -> Float[np.ndarray, "n 2"]:
     _positive(n)
     index = np.arange(n)
     return np.stack([index / n, radical_inverse_2(index)], axis=-1)
-
-
-def cranley_patterson(
-    points: Float[Array | np.ndarray, "n 2"], shift: Float[Array | np.ndarray, "... 2"]
-) -> Float[Array | np.ndarray, "... n 2"]:
-    """Shift a point set modulo 1, once per shift; the answer has the shifts' dtype and is below 1 in it."""
-    xp = _namespace(shift)
-    moved = shift[..., None, :] + xp.broadcast_to(
-        xp.asarray(points, dtype=shift.dtype), (*shift.shape[:-1], *points.shape)
-    )
-    moved = moved - xp.floor(moved)
-    # A tiny negative sum rounds to exactly 1, which is 0 on the torus.
-    return xp.where(moved < 1.0, moved, xp.zeros_like(moved))
-
-
-def cosine_hemisphere(points: Float[Array | np.ndarray, "... 2"]) -> Float[Array | np.ndarray, "... 3"]:
-    """Map points of the unit square to directions about +z with density cos/pi."""
-    xp = _namespace(points)
-    radius, azimuth = xp.sqrt(points[..., 0]), 2.0 * np.pi * points[..., 1]
-    height = xp.sqrt(1.0 - points[..., 0])
-    return xp.stack([radius * xp.cos(azimuth), radius * xp.sin(azimuth), height], axis=-1)
 
 
 def _fibonacci(height: np.ndarray) -> np.ndarray:
@@ -111,3 +89,14 @@ def orthonormal_frame(normals: Float[Array | np.ndarray, "... 3"]) -> Float[Arra
     yy = xp.where(below, v * v * lower, y * y * upper)
     rows = [xp.stack(row, axis=-1) for row in ([1.0 - xx, -xy, x], [-xy, 1.0 - yy, y], [-x, -y, z])]
     return xp.stack(rows, axis=-2)
+
+
+def turn_about_normal(
+    frames: Float[Array | np.ndarray, "... 3 3"], angle: Float[Array | np.ndarray, "..."]
+) -> Float[Array | np.ndarray, "... 3 3"]:
+    """Frames with tangent and bitangent turned counter-clockwise about the normal; leading shapes broadcast."""
+    xp = _namespace(angle)
+    cos, sin = xp.cos(angle)[..., None], xp.sin(angle)[..., None]
+    tangent, bitangent = frames[..., 0], frames[..., 1]
+    normal = xp.broadcast_to(frames[..., 2], (*angle.shape, 3))
+    return xp.stack([cos * tangent + sin * bitangent, cos * bitangent - sin * tangent, normal], axis=-1)

@@ -6,16 +6,16 @@ Y_k with k = l*l + l + m, band l = 0 .. bands - 1, m = -l .. l; polar axis z; no
 
 with P_lm(z) the associated Legendre function divided by (1 - z^2)^(|m|/2), taken positive at z -> 1, and N_lm such that
 the integral of Y_j Y_k over the sphere is delta_jk. Band 1 is (y, z, x) * sqrt(3 / 4 pi). The Legendre part runs on the
-normalised three-term recurrence in l (Press et al., Numerical Recipes 3rd ed., eq. 6.7.9), whose constants are
-formed in float64; (x + iy)^m by complex multiplication. Directions are unit vectors; nothing is normalised here.
+three-term recurrence in l (Press et al., Numerical Recipes 3rd ed., eq. 6.7.7), here for N_lm P_lm (eq. 6.7.9), whose
+constants are formed in float64; (x + iy)^m by complex multiplication. Directions must be unit vectors.
 
-Clamped cosine: A_l of Ramamoorthi & Hanrahan 2001, so that the integral of max(n.w, 0) Y_lm(w) dw = A_l Y_lm(n).
 Windows taper the bands of a light against ringing: Hann (1 + cos(pi l/w))/2 and Lanczos sin(pi l/w)/(pi l/w),
 both zero from l = w on.
 """
 
 import functools
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,31 @@ def band_index(bands: int) -> Int[np.ndarray, " k"]:
     return np.repeat(np.arange(bands), 2 * np.arange(bands) + 1)
 
 
+def _recurrence(band: int, m: int, normalised: bool) -> tuple[float, float, float]:
+    """(a, b, c) with c P_lm = a z P_(l-1)m - b P_(l-2)m."""
+    if not normalised:
+        return 2.0 * band - 1.0, band + m - 1.0, float(band - m)
+    grow = math.sqrt((4 * band**2 - 1) / (band**2 - m**2))
+    return grow, grow * math.sqrt(((band - 1) ** 2 - m**2) / (4 * (band - 1) ** 2 - 1)), 1.0
+
+
+def legendre_functions(
+    z: Float[Array | np.ndarray, "..."], first: Any, bands: int, m: int, *, normalised: bool = False
+) -> list[Any]:
+    """P_lm(z) for l = m .. bands - 1 from `first` = P_mm, by the recurrence in l.
+
+    Whatever factor `first` carries, all carry. With `normalised` they are N_lm P_lm from `first` = N_mm P_mm: these
+    stay near 1 where P_lm grows as fast as m!.
+    """
+    values, previous = [first], 0.0
+    for band in range(m + 1, bands):
+        grow, fade, divisor = _recurrence(band, m, normalised)
+        following = grow * z * values[-1] - fade * previous
+        previous = values[-1]
+        values.append(following if divisor == 1.0 else following / divisor)
+    return values
+
+
 def sh_components(
     x: Float[Array | np.ndarray, "..."],
     y: Float[Array | np.ndarray, "..."],
@@ -56,12 +81,7 @@ def sh_components(
         if m > 0:
             cosine, sine = (x * cosine - y * sine, x * sine + y * cosine) if m > 1 else (x, y)
             sectoral *= math.sqrt((2 * m + 1) / (2 * m)) * (math.sqrt(2.0) if m == 1 else 1.0)
-        legendre, previous = x * 0.0 + sectoral, 0.0
-        for band in range(m, bands):
-            if band > m:
-                grow = math.sqrt((4 * band**2 - 1) / (band**2 - m**2))
-                fade = grow * math.sqrt(((band - 1) ** 2 - m**2) / (4 * (band - 1) ** 2 - 1))
-                legendre, previous = grow * z * legendre - fade * previous, legendre
+        for band, legendre in enumerate(legendre_functions(z, x * 0.0 + sectoral, bands, m, normalised=True), start=m):
             centre = band * band + band
             components[centre + m] = legendre * cosine
             if m > 0:
@@ -75,25 +95,6 @@ def evaluate_sh(directions: Float[Array | np.ndarray, "... 3"], bands: int) -> F
     directions = jnp.asarray(directions)
     x, y, z = (directions[..., axis] for axis in range(3))
     return jnp.stack([jnp.asarray(component) for component in sh_components(x, y, z, bands)], axis=-1)
-
-
-def clamped_cosine(band: int) -> float:
-    """Factor A_l of the clamped cosine in band l >= 0 (Ramamoorthi & Hanrahan 2001, eq. 8)."""
-    if band < 0:
-        raise ValueError(f"band {band} does not exist: use 0 or more")
-    if band == 1:
-        return 2.0 * math.pi / 3.0
-    if band % 2 == 1:
-        return 0.0
-    half = band // 2
-    # l! / (2^l (l/2)!^2) as an exact ratio of integers: no overflow, no rounding before the division.
-    central = math.comb(band, half) / 2**band
-    return 2.0 * math.pi * (-1) ** (half - 1) / ((band + 2) * (band - 1)) * central
-
-
-def clamped_cosine_coefficients(bands: int) -> Float[np.ndarray, " k"]:
-    """Factor A_l for each coefficient k, float64."""
-    return np.array([clamped_cosine(int(band)) for band in band_index(bands)])
 
 
 def hann_window(bands: int, width: float | int) -> Float[np.ndarray, " k"]:

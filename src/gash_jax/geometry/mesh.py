@@ -40,13 +40,6 @@ def referenced_by(faces: Int[np.ndarray, "f 3"], vertex_count: int) -> Bool[np.n
     return used
 
 
-def center_and_scale(mesh: Mesh) -> tuple[Float[np.ndarray, "3"], float]:
-    """Centre of the bounding box of the referenced vertices (float64) and half its diagonal."""
-    points = mesh.vertices[referenced(mesh)].astype(np.float64)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
-
-
 def vector_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
     """Area times unit normal of each face, float64."""
     a, b, c = _corners(vertices, faces)

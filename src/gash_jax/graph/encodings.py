@@ -16,7 +16,7 @@ Edge from j to i, with offset o = p_j - p_i, d = |o|, u = F_i^T o / d and m = F_
     12-14  m (m_z = n_i . n_j)
     15     n_j . o / d
 
-Lengths are in units that the mesh itself defines (`mesh_graph.surface_radius`; the bounding box would not do, as it
+Lengths are in units that the mesh itself defines (`NormalisedMesh.radius`; the bounding box would not do, as it
 changes with rotation). So the features do not change when the mesh is rotated, translated or scaled with the same
 edges. Nothing absolute enters. Where d = 0 all terms with o / d are 0.
 

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.geometry.mesh import Mesh, center_and_scale, lengths, referenced, vector_areas
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.geometry.topology import first_of_duplicates
-from gash_jax.graph.mesh_graph import surface_radius
 from gash_jax.graph.surfel_selection import select_surfels, vertex_blocks
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
@@ -49,14 +49,15 @@ class SurfelPlan(NamedTuple):
     table: Int[np.ndarray, "b n"]
 
 
-def outward_faces(mesh: Mesh) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray, "f"]]:
+def outward_faces(mesh: Mesh | NormalisedMesh) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray, "f"]]:
     """The faces, each set of corners once, turned so that they face where their vertices' normals do; and areas."""
-    faces = mesh.faces
-    faces = faces[first_of_duplicates(faces, len(mesh.vertices)) == np.arange(len(faces))]
-    first, second, third = (np.take(mesh.normals, faces[:, i], axis=0) for i in range(3))
-    vectors = vector_areas(mesh.vertices, faces)
+    shape = NormalisedMesh.of(mesh)
+    faces, normals = shape.mesh.faces, shape.mesh.normals
+    kept = first_of_duplicates(faces, len(normals)) == np.arange(len(faces))
+    faces, vectors = faces[kept], shape.vector_areas[kept]
+    first, second, third = (np.take(normals, faces[:, i], axis=0) for i in range(3))
     against = np.einsum("fi,fi->f", vectors.astype(np.float32), first + second + third) < 0
-    return np.where(against[:, None], faces[:, ::-1], faces), lengths(vectors)
+    return np.where(against[:, None], faces[:, ::-1], faces), shape.areas[kept]
 
 
 def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NEAR) -> Int[np.ndarray, "v m"]:
@@ -71,28 +72,24 @@ def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NE
     return table
 
 
-def normalised(mesh: Mesh) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "3"], float]:
+def normalised(mesh: Mesh | NormalisedMesh) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "3"], float]:
     """Positions about the box centre in units of the surface's radius, centre, unit; loose vertices within the box."""
-    center, half = center_and_scale(mesh)
-    unit = surface_radius(mesh) or half
-    positions = ((mesh.vertices.astype(np.float64) - center) / unit).astype(np.float32)
-    loose = ~referenced(mesh)
-    if loose.any() and not loose.all():
-        corner = np.abs(positions[~loose]).max(axis=0)
-        positions[loose] = np.clip(positions[loose], -corner, corner)
-    return positions, center, unit
+    shape = NormalisedMesh.of(mesh)
+    unit = shape.radius or shape.half_diagonal
+    return shape.positions(unit).astype(np.float32), shape.center, unit
 
 
 def plan_surfels(
-    mesh: Mesh, positions: Float[np.ndarray, "v 3"], count: int
+    mesh: Mesh | NormalisedMesh, positions: Float[np.ndarray, "v 3"], count: int
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
     """The plan of a mesh, and the records of its surfels at these positions."""
-    faces, area = outward_faces(mesh)
+    shape = NormalisedMesh.of(mesh)
+    normals, (faces, area) = shape.mesh.normals, outward_faces(shape)
     axes = surface_axes(positions, faces, area)
     tree = build_tree(positions, faces, area, axes)
     records = surfel_records(tree, positions, faces)
-    blocks = vertex_blocks(positions, mesh.normals, axes)
-    table = select_surfels(tree, records, positions[blocks], mesh.normals[blocks], count)
+    blocks = vertex_blocks(positions, normals, axes)
+    table = select_surfels(tree, records, positions[blocks], normals[blocks], count)
     return SurfelPlan(faces, tree, blocks, corner_table(faces, len(positions)), table), records
 
 
@@ -123,8 +120,9 @@ def node_slots(blocks: Int[np.ndarray, "b w"], n_vertices: int) -> Int[np.ndarra
 
 def surfel_graph(mesh: Mesh, count: int) -> SurfelGraph:
     """The graph of a mesh in which every block looks at `count` surfels."""
-    positions, center, unit = normalised(mesh)
-    plan, records = plan_surfels(mesh, positions, count)
+    shape = NormalisedMesh(mesh)
+    positions, center, unit = normalised(shape)
+    plan, records = plan_surfels(shape, positions, count)
     return planned_graph(plan, records, positions, mesh.normals, center, unit)
 
 

@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
 from gash_jax.measure.reference import Reference, score
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import Model
-from gash_jax.prt.bake import ProgressFn, bake_transfer
+from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.hemisphere import hemisphere_visibility
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.prt.tracing import ProgressFn
 
 PLAIN_RAYS = (8, 16, 32, 64, 128, 256)
 

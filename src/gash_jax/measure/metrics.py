@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.prt.bake import ProgressFn, bake_transfer
-from gash_jax.prt.transfer import unshadowed_transfer
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.tracing import ProgressFn
 
 NO_OCCLUSION = 1e-9
 REFERENCE_SHARE = 8  # a plain bake above an eighth of the reference's rays is as noisy as what it is held against

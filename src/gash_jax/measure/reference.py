@@ -15,7 +15,8 @@ from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
-from gash_jax.prt.bake import ProgressFn, bake_transfer
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.tracing import ProgressFn
 
 REFERENCE_RAYS, REFERENCE_SEED = 4096, 99
 # whose source a reference depends on

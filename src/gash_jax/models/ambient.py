@@ -5,7 +5,7 @@ gives no formula and searches densely. Here, with u the unit offset to a neighbo
 
     occlusion(v) = sum_n w max(n_v . u, 0) / sum_n w,      w = 1 - d / R
 
-over at most `neighbours` nearest vertices, found by a k-d tree; R = RADIUS times the mesh's `surface_radius`. It lies
+over at most `neighbours` nearest vertices, found by a k-d tree; R = RADIUS times the radius of the surface. It lies
 in [0, 1), does not change when the mesh is moved, turned or scaled, and is 0 on a convex mesh, in whose tangent planes
 nothing stands. Refined coefficients are t (1 - strength * occlusion). STRENGTH is the one that brings the unshadowed
 closed form of generated shapes nearest to their bakes (experiments/ambient).
@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from gash_jax.geometry.mesh import Mesh, referenced
-from gash_jax.graph.mesh_graph import surface_radius
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.normalised import NormalisedMesh
 
 NEIGHBOURS = 64
 RADIUS = 0.5
@@ -31,7 +31,8 @@ def ambient_occlusion(mesh: Mesh, neighbours: int = NEIGHBOURS) -> Float[np.ndar
     """
     if neighbours < 1:
         raise ValueError(f"{neighbours} neighbours: ask for at least 1")
-    serving, reach = np.flatnonzero(referenced(mesh)), RADIUS * surface_radius(mesh)
+    shape = NormalisedMesh(mesh)
+    serving, reach = np.flatnonzero(shape.referenced), RADIUS * shape.radius
     if not len(serving) or reach <= 0:
         return np.zeros(len(mesh.vertices))
     points, normals = mesh.vertices.astype(np.float64), mesh.normals.astype(np.float64)

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.graph.surfel_graph import SurfelGraph
 from gash_jax.graph.surfel_selection import BLOCK
 from gash_jax.models.examples import Batch, Example
-from gash_jax.prt.transfer import unshadowed_transfer
 
 SOFTENING = 0.1
 HIDDEN, REVERSED = 0.08, 0.04

@@ -9,8 +9,8 @@ import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from gash_jax.algebra.closed_forms import zero_without_normal
 from gash_jax.files.settings import setting
-from gash_jax.nn.closed_form import zero_without_normal
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.inputs import VERTEX_ENCODINGS, node_arrays, vertex_inputs
 

@@ -29,10 +29,10 @@ import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float, Int
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.settings import setting
 from gash_jax.nn.attention import SLOPE, neighbour_softmax, over_vertices
-from gash_jax.nn.closed_form import closed_form, zero_without_normal
 from gash_jax.nn.config import ModelConfig, check_heads
 from gash_jax.nn.inputs import VERTEX_ENCODINGS, edge_arrays, edge_ends, node_arrays, vertex_inputs
 
@@ -132,7 +132,7 @@ class RingNet(nn.Module):
         x = nn.LayerNorm(name="norm")(x)
         residual = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init(), name="head")(x)
         world = rotate_coefficients(residual, nodes["frame"])
-        return closed_form(nodes["normal"], self.bands) + zero_without_normal(world, nodes["normal"])
+        return unshadowed_transfer(nodes["normal"], self.bands) + zero_without_normal(world, nodes["normal"])
 
 
 def _edge_inputs(graph: jraph.GraphsTuple, encoding: str, table: Int[Array, "v k"]) -> Float[Array, "v k d"]:

@@ -46,11 +46,11 @@ import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.numerics import safe_normalize
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.settings import setting
-from gash_jax.nn.closed_form import closed_form, zero_without_normal
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.pooling import most_of, total_of
 
@@ -184,7 +184,7 @@ class SurfelNet(nn.Module):
         low, high = LOG_RANGE
         errors = low + (high - low) * nn.sigmoid(self.error_head(nn.tanh(self.error_hidden(x))))
         world = rotate_coefficients(residual, frames)
-        exact = closed_form(normals, self.bands)
+        exact = unshadowed_transfer(normals, self.bands)
         return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
 
 

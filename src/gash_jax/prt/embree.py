@@ -1,4 +1,4 @@
-"""Embree visibility: the only file that imports embreex.
+"""Rays by Embree: the only file that imports embreex.
 
 embreex traces single rays and releases the GIL while it does, so callers run it from several Python threads.
 `OCCLUDED` is the any-hit query: it returns 0 for a hit and -1 for a free ray. The scene is committed inside the
@@ -6,23 +6,12 @@ first `run`, holding the GIL, so a first ray is traced here, before any thread i
 at parameter 0: the lift off the surface is the caller's (`rays.trace_geometry`).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int
 
-from gash_jax.prt.rays import VisibilityFn
-
-
-class Hits(NamedTuple):
-    """Closest hits of a bundle of rays: face -1 where nothing is hit; barycentrics of the second and third corner."""
-
-    face: Int[np.ndarray, "r"]
-    u: Float[np.ndarray, "r"]
-    v: Float[np.ndarray, "r"]
-    distance: Float[np.ndarray, "r"]
+from gash_jax.prt.rays import ClosestHitFn, Hits, VisibilityFn
 
 
 def _scene(vertices: np.ndarray, faces: np.ndarray) -> EmbreeScene:
@@ -43,8 +32,8 @@ def embree_visibility(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray,
     return visible
 
 
-def embree_closest_hit(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]):
-    """Build a scene once and return the function (origins, directions) -> Hits that finds the nearest face."""
+def embree_closest_hit(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> ClosestHitFn:
+    """Build a scene once and return its closest-hit query; safe to call from several threads."""
     scene = _scene(vertices, faces)
 
     def closest(origins: Float[np.ndarray, "r 3"], directions: Float[np.ndarray, "r 3"]) -> Hits:

@@ -27,9 +27,11 @@ from jaxtyping import Float, Int
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
-from gash_jax.prt.bake import ProgressFn, Rows, active_rows, standard_error_floor, trace_rows
+from gash_jax.prt.bake import free_and_dark, standard_error_floor
+from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import VisibilityFn, trace_geometry
-from gash_jax.prt.sampling import korobov, to_world
+from gash_jax.prt.sampling import korobov
+from gash_jax.prt.tracing import ProgressFn, Rows, active_rows, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
@@ -86,7 +88,7 @@ def trace_points(rows: Rows, share: np.ndarray | None, start: int, end: int, ban
         shifts = _block_shifts(some.shifts[:, 0], start, units * group, size).reshape(count * units, group, 2)
         repeated = some.take(np.repeat(np.arange(count), units))._replace(shifts=shifts)
         known = None if share is None else np.repeat(share[first : first + count], units)
-        local, found = trace_rows(repeated, known, size, bands, visible, lattice="korobov")
+        local, found = trace_rows(repeated, direct(bands), size, visible, share=known, lattice="korobov")
         estimates.append(local.reshape(count, parts, -1, bands**2).mean(2))
         free.append(found.reshape(count, units).mean(1))
     return np.concatenate(estimates), np.concatenate(free)
@@ -193,6 +195,5 @@ def run_rounds(
         double_rays(state, chosen, rows, bands, visible)
     if progress:
         progress(int(state.rays.sum()), int(state.rays.sum()))
-    modelled = {"all_rays_free": float(np.mean(state.share == 1)), "no_ray_free": float(np.mean(state.share == 0))}
     estimated = float(np.sqrt(variance.sum() / energy)) if energy > 0 else 0.0
-    return state, {"rounds": rounds, "estimated_error": estimated, "modelled": modelled}
+    return state, {"rounds": rounds, "estimated_error": estimated, "modelled": free_and_dark(state.share)}

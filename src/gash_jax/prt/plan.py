@@ -16,11 +16,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from gash_jax.algebra.sh import band_index, clamped_cosine_coefficients
+from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
+from gash_jax.algebra.sh import band_index
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.prt.bake import active_rows
 from gash_jax.prt.error_target import check_error, run_rounds
 from gash_jax.prt.rays import trace_geometry
+from gash_jax.prt.tracing import active_rows
 from gash_jax.prt.visibility import visibility
 
 HELD = 0.999

@@ -1,4 +1,4 @@
-"""Where rays start, and the one contract that every visibility backend answers.
+"""Where rays start, and the two questions that every backend answers: does a ray meet anything, and what first.
 
 Rays are traced in *trace space*: the mesh moved to the centre of its bounding box and scaled so that half the
 box's diagonal is 1, computed in float64 and rounded once. Scales from 1e-6 to 1e6 and meshes far from the origin
@@ -28,14 +28,30 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from gash_jax.geometry.health import DEGENERATE_AREA
-from gash_jax.geometry.mesh import Mesh, center_and_scale, face_areas
+from gash_jax.geometry.mesh import Mesh, face_areas
+from gash_jax.geometry.normalised import NormalisedMesh
 
 MIN_OFFSET = 1.2e-5
 MAX_LIFT = 1e-3
 ROUNDING = 2.0**-24  # of float32, relative
 
-# (origins "r 3", directions "r 3") -> True where the ray meets nothing; directions need not be unit vectors
-VisibilityFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Bool[np.ndarray, "r"]]
+
+class Hits(NamedTuple):
+    """What rays meet first: face -1 where nothing; barycentric weights u, v of the face's second and third corner.
+
+    `distance` counts in lengths of the direction; where nothing is met it is beyond 1e36.
+    """
+
+    face: Int[np.ndarray, "*r"]
+    u: Float[np.ndarray, "*r"]
+    v: Float[np.ndarray, "*r"]
+    distance: Float[np.ndarray, "*r"]
+
+
+# (origins "r 3", directions "r 3") -> answer of every ray; directions need not be unit vectors
+VisibilityFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Bool[np.ndarray, "r"]]  # True: free
+ClosestHitFn = Callable[[Float[np.ndarray, "r 3"], Float[np.ndarray, "r 3"]], Hits]
+RayQuery = VisibilityFn | ClosestHitFn
 
 
 class TraceGeometry(NamedTuple):
@@ -47,9 +63,11 @@ class TraceGeometry(NamedTuple):
     offset: float
 
 
-def ray_offset(mesh: Mesh, scale: float) -> float:
-    """Distance, in trace space, between a vertex of no sliver and the origin of its rays."""
-    largest = float(np.abs(mesh.vertices[mesh.faces]).max())
+def ray_offset(largest: float, scale: float) -> float:
+    """Distance, in trace space, between a vertex of no sliver and the origin of its rays.
+
+    `largest` is the greatest coordinate of a face in the file, `scale` what is 1 in trace space.
+    """
     return max(MIN_OFFSET, 4.0 * float(np.spacing(np.float32(largest))) / scale)
 
 
@@ -79,13 +97,11 @@ def trace_geometry(mesh: Mesh) -> TraceGeometry:
     Isolated vertices may lie anywhere, so they are moved to the centre: no ray of theirs is ever asked for,
     and a coordinate of 1e30 must not reach the tracer's bounding boxes.
     """
-    center, scale = center_and_scale(mesh)
-    vertices = (mesh.vertices.astype(np.float64) - center) / scale
-    used = np.zeros(len(vertices), bool)
-    used[mesh.faces.ravel()] = True
-    vertices[~used] = 0.0
+    shape = NormalisedMesh(mesh)
+    vertices = shape.positions(shape.half_diagonal)
+    vertices[~shape.referenced] = 0.0
     rounded = vertices.astype(np.float32)
-    offset = ray_offset(mesh, scale)
+    offset = ray_offset(float(np.abs(shape.box).max()), shape.half_diagonal)
     lifts = np.maximum(offset, sliver_lifts(rounded, mesh.faces))
     origins = vertices + lifts[:, None] * mesh.normals.astype(np.float64)
     return TraceGeometry(rounded, mesh.faces, origins.astype(np.float32), offset)

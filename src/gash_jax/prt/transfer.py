@@ -1,7 +1,7 @@
-"""What a bake or a prediction is, the unshadowed closed form, and the transfer file (DESIGN: "Transfer file").
+"""What a bake or a prediction is, and the transfer file (DESIGN: "Transfer file").
 
 t_k(v) = (1/pi) * integral over the sphere of V(v, w) max(n_v . w, 0) Y_k(w) dw. Without shadows V = 1 and the
-integral is A_l Y_k(n) / pi (Ramamoorthi & Hanrahan 2001): a formula, never sampled.
+integral is a formula, `algebra.closed_forms.unshadowed_transfer`.
 """
 
 import platform
@@ -10,11 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
-from gash_jax.algebra.sh import MAX_BANDS, clamped_cosine_coefficients, evaluate_sh, validate_bands
+from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
@@ -49,15 +48,6 @@ class Transfer(NamedTuple):
     def mesh(self) -> Mesh:
         """The mesh that was baked."""
         return Mesh(self.vertices, self.normals, self.faces)
-
-
-def unshadowed_transfer(normals: Float[Array | np.ndarray, "v 3"], bands: int) -> Float[Array, "v k"]:
-    """Exact transfer without shadows, A_l Y_k(n) / pi; a vertex whose normal is zero has transfer 0."""
-    validate_bands(bands)
-    normals = jnp.asarray(normals)
-    factors = jnp.asarray(clamped_cosine_coefficients(bands) / np.pi, jnp.float32)
-    usable = jnp.any(normals != 0, axis=-1, keepdims=True)
-    return jnp.where(usable, evaluate_sh(normals, bands) * factors[None], 0.0)
 
 
 @cache

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.prt.embree import embree_closest_hit
 from gash_jax.prt.rays import trace_geometry
+from gash_jax.prt.visibility import closest_hit
 
 SAMPLES = 2
 FIELD_OF_VIEW = np.radians(28.0)
@@ -55,7 +55,7 @@ def cast_view(mesh: Mesh, view: str = "front", size: int = 512) -> Hit:
     x, y = np.meshgrid(steps + middle[0], middle[1] - steps)
     directions = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ axes
     origins = np.broadcast_to(eye.astype(np.float32), directions.shape)
-    hits = embree_closest_hit(geometry.vertices, geometry.faces)(
+    hits = closest_hit(geometry.vertices, geometry.faces)(
         np.ascontiguousarray(origins), np.ascontiguousarray(directions, np.float32)
     )
     found = hits.face >= 0

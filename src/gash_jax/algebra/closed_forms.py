@@ -1,0 +1,68 @@
+"""Integrals over the hemisphere of a normal in closed form, and the transfer of a vertex that nothing shadows.
+
+A kernel that depends on the cosine z = n.w alone has the coefficients K_l Y_lm(n), K_l = 2 pi times the integral of
+its value times the Legendre polynomial P_l(z) over z (Funk & Hecke). Two kernels occur:
+
+    clamped cosine   max(z, 0)        A_l  (Ramamoorthi & Hanrahan 2001, eq. 8)
+    hemisphere       1 for z > 0      H_l
+
+Unshadowed transfer is t_lm = A_l / pi Y_lm(n): a formula, never sampled.
+"""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gash_jax.algebra.sh import band_index, evaluate_sh, validate_bands
+
+
+def _existing(band: int) -> None:
+    if band < 0:
+        raise ValueError(f"band {band} does not exist: use 0 or more")
+
+
+def clamped_cosine(band: int) -> float:
+    """Factor A_l of the clamped cosine in band l >= 0."""
+    _existing(band)
+    if band == 1:
+        return 2.0 * math.pi / 3.0
+    if band % 2 == 1:
+        return 0.0
+    half = band // 2
+    # l! / (2^l (l/2)!^2) as an exact ratio of integers: no overflow, no rounding before the division.
+    central = math.comb(band, half) / 2**band
+    return 2.0 * math.pi * (-1) ** (half - 1) / ((band + 2) * (band - 1)) * central
+
+
+def clamped_cosine_coefficients(bands: int) -> Float[np.ndarray, " k"]:
+    """Factor A_l for each coefficient k, float64."""
+    return np.array([clamped_cosine(int(band)) for band in band_index(bands)])
+
+
+def hemisphere(band: int) -> float:
+    """Factor H_l of the hemisphere in band l >= 0: 2 pi, then 0 in even bands.
+
+    The integral of P_l over [0, 1] is P_(l-1)(0) / (l + 1) for odd l, and |P_2j(0)| = (2j)! / (2^j j!)^2.
+    """
+    _existing(band)
+    if band % 2 == 0:
+        return 2.0 * math.pi if band == 0 else 0.0
+    half = (band - 1) // 2
+    return 2.0 * math.pi * (-1) ** half * (math.comb(band - 1, half) / 2 ** (band - 1)) / (band + 1)
+
+
+def zero_without_normal(
+    coefficients: Float[Array, "v k"], normals: Float[Array | np.ndarray, "v 3"]
+) -> Float[Array, "v k"]:
+    """The coefficients, exactly 0 (and with gradient 0) at vertices whose normal is 0."""
+    return jnp.where(jnp.any(jnp.asarray(normals) != 0, axis=-1, keepdims=True), coefficients, 0.0)
+
+
+def unshadowed_transfer(normals: Float[Array | np.ndarray, "v 3"], bands: int) -> Float[Array, "v k"]:
+    """Exact transfer without shadows, A_l Y_k(n) / pi; a vertex whose normal is zero has transfer 0."""
+    validate_bands(bands)
+    normals = jnp.asarray(normals)
+    factors = jnp.asarray(clamped_cosine_coefficients(bands) / np.pi, jnp.float32)
+    return zero_without_normal(evaluate_sh(normals, bands) * factors[None], normals)

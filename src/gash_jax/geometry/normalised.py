@@ -1,0 +1,76 @@
+"""A mesh in its own terms: its centre, its units of length, its areas; each computed when first asked for, and once.
+
+*Centre*: of the bounding box of the vertices that belong to a face. *Loose* vertices belong to none and may lie
+anywhere. Two units of length: half the diagonal of that box, in which everything lies within the unit ball, and the
+*radius of the surface*, the root mean square distance of its faces from their centroid, weighted by area (each face
+at its own centroid). The radius turns with the mesh, which the box does not, and does not depend on how finely each
+part is triangulated, which the vertices do. Everything is float64.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from gash_jax.geometry.mesh import Mesh, lengths, referenced, vector_areas
+
+
+class NormalisedMesh:
+    """A mesh and what follows from it alone. The arrays of `mesh` must not change while this is in use."""
+
+    def __init__(self, mesh: Mesh):
+        self.mesh = mesh
+
+    @classmethod
+    def of(cls, mesh: "Mesh | NormalisedMesh") -> "NormalisedMesh":
+        """The mesh normalised, or what is so already: functions that share one object take either."""
+        return mesh if isinstance(mesh, NormalisedMesh) else cls(mesh)
+
+    @cached_property
+    def referenced(self) -> Bool[np.ndarray, "v"]:
+        """Which vertices belong to a face."""
+        return referenced(self.mesh)
+
+    @cached_property
+    def box(self) -> Float[np.ndarray, "2 3"]:
+        """Lowest and highest corner of the bounding box of the referenced vertices, of which there must be one."""
+        points = self.mesh.vertices[self.referenced].astype(np.float64)
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @cached_property
+    def center(self) -> Float[np.ndarray, "3"]:
+        """Middle of the bounding box."""
+        return (self.box[0] + self.box[1]) / 2
+
+    @cached_property
+    def half_diagonal(self) -> float:
+        """Half the diagonal of the bounding box."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]) / 2)
+
+    @cached_property
+    def vector_areas(self) -> Float[np.ndarray, "f 3"]:
+        """Area times unit normal of each face."""
+        return vector_areas(self.mesh.vertices, self.mesh.faces)
+
+    @cached_property
+    def areas(self) -> Float[np.ndarray, "f"]:
+        """Area of each face."""
+        return lengths(self.vector_areas)
+
+    @cached_property
+    def radius(self) -> float:
+        """Radius of the surface (module docstring); 0 without area."""
+        points, total = self.mesh.vertices.astype(np.float64), max(self.areas.sum(), np.finfo(float).tiny)
+        first, second, third = (np.take(points, self.mesh.faces[:, i], axis=0) for i in range(3))
+        middles = (first + second + third) / 3
+        middles -= self.areas @ middles / total
+        return float(np.sqrt(self.areas @ np.einsum("fi,fi->f", middles, middles) / total))
+
+    def positions(self, unit: float) -> Float[np.ndarray, "v 3"]:
+        """(vertex - center) / unit; a loose vertex is moved to the nearest point of the bounding box."""
+        positions = (self.mesh.vertices.astype(np.float64) - self.center) / unit
+        loose = ~self.referenced
+        if loose.any():
+            corner = np.abs(positions[~loose]).max(axis=0)
+            positions[loose] = np.clip(positions[loose], -corner, corner)
+        return positions

@@ -1,0 +1,161 @@
+"""The row tracer: directions -> rays -> sums, for any integrand, in chunks that threads work off.
+
+Rays of all vertices are cut into chunks of about `RAYS_PER_CHUNK`, small enough for the level-2 cache, and worked off
+by Python threads: directions (JAX) -> what the rays meet (Embree, GIL released) -> the integrand's sums (JAX).
+
+A row's result is the same to the last bit whichever rows are traced with it and however many threads there are. XLA may
+sum in another order for arrays of another shape, so the shape of a chunk and the place of a row in it depend on the
+whole mesh alone: rows first .. last are traced in the chunks of the whole, with the others left out.
+"""
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
+from typing import Literal, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Shaped
+
+from gash_jax.algebra.directions import orthonormal_frame
+from gash_jax.files.cores import available_cores
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.rays import Hits, RayQuery, TraceGeometry
+from gash_jax.prt.sampling import Density, sample_rays
+
+RAYS_PER_CHUNK = 1 << 17
+
+ProgressFn = Callable[[int, int], None]
+
+
+class Rows(NamedTuple):
+    """Vertices to trace: where their rays start, their frames, and r shifts of the point set for each."""
+
+    origins: Float[np.ndarray, "a 3"]
+    frames: Float[np.ndarray, "a 3 3"]
+    shifts: Float[np.ndarray, "a r 2"]
+
+    def take(self, index: np.ndarray) -> "Rows":
+        """Some of the vertices, in this order."""
+        return Rows(self.origins[index], self.frames[index], self.shifts[index])
+
+
+class Chunk(NamedTuple):
+    """What an integrand sums: c vertices with r rows of n rays each, and what the rays found."""
+
+    rows: Rows
+    lattice: str
+    directions: Float[np.ndarray, "c r n 3"]
+    answer: Bool[np.ndarray, "c r n"] | Hits  # True where a ray is free, or the nearest hits, each (c, r, n)
+    share: Float[np.ndarray, "c"]  # p of the estimate (`integrands`)
+
+
+class Integrand(NamedTuple):
+    """What to integrate over the hemisphere of every vertex, and how densely its directions lie."""
+
+    density: Density
+    query: Literal["any", "closest"]  # whether a ray meets anything, or which face it meets first and where
+    integrate: Callable[[Chunk], Array | np.ndarray]  # one array per row: "c r ..."
+
+
+def active_rows(
+    mesh: Mesh, geometry: TraceGeometry, frames: Float[np.ndarray, "v 3 3"] | None, shifts: np.ndarray
+) -> tuple[np.ndarray, Rows]:
+    """Indices of the vertices that have a normal, and their rows; `shifts` (v, r, 2) counts all vertices."""
+    if frames is not None and frames.shape != (len(mesh.vertices), 3, 3):
+        raise ValueError(f"frames have shape {frames.shape}, not ({len(mesh.vertices)}, 3, 3): one frame per vertex")
+    active = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
+    chosen = np.asarray(orthonormal_frame(mesh.normals[active])) if frames is None else frames[active]
+    return active, Rows(geometry.origins[active], chosen.astype(np.float32), shifts[active])
+
+
+def chunk_size(count: int, rays: int) -> int:
+    """Vertices in a chunk: a power of two, so that meshes of many sizes share few compiled kernels."""
+    return 1 << max(0, min((RAYS_PER_CHUNK // rays).bit_length() - 1, (count - 1).bit_length()))
+
+
+def trace_rows(
+    rows: Rows,
+    integrand: Integrand,
+    n: int,
+    query: RayQuery,
+    *,
+    share: Float[np.ndarray, "a"] | None = None,
+    part: slice = slice(None),
+    lattice: str = "hammersley",
+    progress: ProgressFn | None = None,
+) -> tuple[Float[np.ndarray, "a r ..."], Float[np.ndarray, "a"]]:
+    """Sums of every row, n rays each, and the share of each vertex's free rays; zeros outside `part`.
+
+    `query` answers what the integrand asks. `share` is the p of the estimate; None takes each vertex's own. `part`
+    are consecutive rows, at least one. `progress(done, total)` counts rows, from the threads.
+    """
+    count, rotations = rows.shifts.shape[:2]
+    first, last, _ = part.indices(count)
+    size = chunk_size(count, rotations * n)
+    result, found = None, np.zeros(count, np.float32)
+    lock, done = threading.Lock(), 0
+
+    def work(start: int) -> None:
+        nonlocal result, done
+        own = slice(max(start, first), min(start + size, last))
+        # what a chunk lacks is filled with one of its own rows: one shape, one compilation
+        index = np.clip(np.arange(start, start + size), own.start, own.stop - 1)
+        inner, known = slice(own.start - start, own.stop - start), None if share is None else share[index]
+        sums, free = _chunk_sums(rows.take(index), integrand, n, query, known, inner, lattice)
+        with lock:
+            result = np.zeros((count, *sums.shape[1:]), sums.dtype) if result is None else result
+        result[own], found[own] = sums[inner], free[inner]
+        with lock:
+            done += own.stop - own.start
+            if progress:
+                progress(done, last - first)
+
+    _in_threads(work, range(first // size * size, last, size))
+    assert result is not None
+    return result, found
+
+
+def _chunk_sums(
+    rows: Rows,
+    integrand: Integrand,
+    n: int,
+    query: RayQuery,
+    share: Float[np.ndarray, "c"] | None,
+    inner: slice,
+    lattice: str,
+) -> tuple[Float[np.ndarray, "c r ..."], Float[np.ndarray, "c"]]:
+    """Sums and free shares of a chunk; only the rays of the rows `inner` are traced."""
+    shape = (*rows.shifts.shape[:2], n)
+    origins, directions = (np.asarray(a) for a in sample_rays(*rows, n, lattice, integrand.density))
+    rays = slice(*(edge * shape[1] * n for edge in (inner.start, inner.stop)))
+    answer = jax.tree.map(partial(_spread, rays, shape), query(origins[rays], directions[rays]))
+    free = answer.face < 0 if isinstance(answer, Hits) else answer
+    seen = np.count_nonzero(free, axis=(1, 2)).astype(np.float32) / np.float32(shape[1] * n)
+    chunk = Chunk(rows, lattice, directions.reshape(*shape, 3), answer, seen if share is None else share)
+    return np.asarray(integrand.integrate(chunk)), seen
+
+
+def _spread(
+    rays: slice, shape: tuple[int, int, int], traced: Shaped[np.ndarray, "traced"]
+) -> Shaped[np.ndarray, "c r n"]:
+    """Answers of the traced rays in their places among all rays of a chunk."""
+    if len(traced) == np.prod(shape):
+        return traced.reshape(shape)
+    everywhere = np.zeros(np.prod(shape), traced.dtype)
+    everywhere[rays] = traced
+    return everywhere.reshape(shape)
+
+
+def _in_threads(work: Callable[[int], None], starts: range) -> None:
+    """Call `work` for every start; the first exception ends it all, Ctrl-C in the main thread included."""
+    threads = min(available_cores() + 1, len(starts))  # one more than cores fills the gaps between kernels
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work, start) for start in starts]
+        try:
+            for future in as_completed(futures):
+                future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
