@@ -48,7 +48,7 @@ def test_a_bake_imports_no_network_and_no_picture(folder: Path) -> None:
 def test_a_prediction_imports_no_training_and_no_picture(folder: Path) -> None:
     found = imported(folder, "predict", "ball.ply", "-o", "ball.npz", "--quiet")
     assert {"jax", "flax"} <= found
-    assert not found & (REPORTS - {"rich"} | OTHERS | {"orbax"})  # flax imports rich
+    assert not found & (REPORTS - {"rich"} | OTHERS | {"orbax", "optax"})  # flax imports rich
 
 
 def test_help_imports_no_command(folder: Path) -> None:

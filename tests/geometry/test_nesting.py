@@ -3,6 +3,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gash_jax.geometry import nesting
 from gash_jax.geometry.health import prepare_mesh
@@ -72,7 +73,7 @@ def test_against_the_definition_pair_by_pair(at_once: int, monkeypatch: pytest.M
     """All sheets against all, all rays against all triangles, by solid angle instead of crossings."""
     monkeypatch.setattr(nesting, "_AT_ONCE", at_once)
     meshes = _scattered(3)
-    turn = nesting.Rotation.from_rotvec([0.613, -1.127, 0.829]).as_matrix()
+    turn = Rotation.from_rotvec([0.613, -1.127, 0.829]).as_matrix()
     corners = [mesh.vertices[mesh.faces].astype(np.float64) @ turn.T for mesh in meshes]
     expected = np.zeros((len(meshes),) * 2, dtype=bool)
     for i, inner in enumerate(corners):

@@ -4,7 +4,6 @@ A mask may also hold weights: how much each vertex counts, 0 for not at all.
 """
 
 import jax.numpy as jnp
-import optax
 from jaxtyping import Array, Bool, Float
 
 Mask = Bool[Array, "v"] | Float[Array, "v"]
@@ -27,6 +26,8 @@ def balanced_bce(*, logits: Float[Array, "v n"], labels: Float[Array, "v n"], ma
     Visible and occluded samples are averaged apart and then together, so that rare occlusion weighs as much as
     plentiful sky. A class that does not occur in the batch adds nothing, and the other one then counts alone.
     """
+    import optax  # slow to import, and a prediction has no loss
+
     loss = optax.sigmoid_binary_cross_entropy(logits, labels)
     weights = jnp.broadcast_to(mask[:, None], loss.shape).astype(loss.dtype)
     total, present = jnp.zeros(()), jnp.zeros(())
