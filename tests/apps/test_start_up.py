@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gash_jax.apps import commands
-from gash_jax.apps.cli import COMMANDS, load_command
+from gash_jax.apps.cli import COMMANDS, gash, load_command
 from gash_jax.formats.meshes import save_mesh
 from gash_jax.shapes.primitives import icosphere
 
@@ -64,6 +64,7 @@ def test_help_imports_no_command(folder: Path) -> None:
 def test_the_list_holds_every_command_in_its_own_words() -> None:
     files = {path.stem for path in Path(commands.__path__[0]).glob("*.py")} - {"__init__"}
     assert set(COMMANDS) == files
-    for name, text in COMMANDS.items():
-        command = load_command(name)
-        assert command.name == name and command.help == text
+    for name in COMMANDS:
+        listed, command = gash.commands[name], load_command(name)
+        assert listed.name == command.name == name
+        assert listed.get_short_help_str(1000) == command.get_short_help_str(1000)

@@ -28,7 +28,7 @@ COMMANDS = {
     "render": "Relight TRANSFER and write a PNG of several views.",
     "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to "
     "continue.",
-    "train": "Train the network that CONFIG (.toml) describes; run it again to continue after an interruption.",
+    "train": "Train the network that CONFIG (.toml, or a shipped name) describes.",
 }
 
 
