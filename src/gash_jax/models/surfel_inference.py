@@ -14,9 +14,10 @@ import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from gash_jax.algebra.sh import band_index
 from gash_jax.files.cores import available_cores
 from gash_jax.graph.surfel_graph import SurfelGraph
-from gash_jax.nn.surfel_net import Blocks, by_band, fall_back
+from gash_jax.nn.surfel_net import Blocks, fall_back
 
 # blocks that stay in the cache together, blocks per compiled call, and about how many of them a call itself costs
 GROUP, CALLS, OVERHEAD = 4, (64, 32, 16, 8), 4
@@ -45,7 +46,7 @@ def _filled(blocks: Blocks, size: int, xp: Any) -> dict[str, Any]:
 def by_vertex(output: Any, slot: Any, bands: int) -> tuple[Any, Any]:
     """Coefficients and predicted error, both "v k", in the order of the mesh."""
     chosen = output[slot]
-    return chosen[:, : bands**2], by_band(jnp.asarray(chosen[:, bands**2 :]), bands)
+    return chosen[:, : bands**2], chosen[:, bands**2 + band_index(bands)]
 
 
 def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[Array, Array]:
@@ -83,4 +84,4 @@ def predict_surfels(
     else:
         outputs = [call(start) for start in starts]
     coefficients, error = by_vertex(np.concatenate(outputs).reshape(-1, outputs[0].shape[-1]), graph.slot, module.bands)
-    return jnp.asarray(np.ascontiguousarray(coefficients)), error
+    return jnp.asarray(coefficients), jnp.asarray(error)
