@@ -17,7 +17,8 @@ from gash_jax.algebra.directions import orthonormal_frame, spherical_fibonacci
 from gash_jax.algebra.sh import band_index, evaluate_sh, hann_window, lanczos_window
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.graph.mesh_graph import rings_graph
-from gash_jax.light.environment import Light, pixel_directions, pixel_solid_angles, project_light
+from gash_jax.light.environment import Light, project_light
+from gash_jax.light.layouts import pixel_directions, pixel_solid_angles
 from gash_jax.light.shading import shade
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, patch

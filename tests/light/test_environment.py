@@ -14,12 +14,11 @@ from gash_jax.light.environment import (
     Light,
     light_metadata,
     load_light,
-    pixel_directions,
-    pixel_solid_angles,
     project_light,
     rotate_light,
     save_light,
 )
+from gash_jax.light.layouts import pixel_directions, pixel_solid_angles
 from tests.helpers.shared_data import shared_file
 
 TABLES = "hdr/sh_tables.json"

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
-from gash_jax.light.environment import pixel_directions, project_light
+from gash_jax.light.environment import project_light
+from gash_jax.light.layouts import pixel_directions
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import KEY, RIM, studio_light
 

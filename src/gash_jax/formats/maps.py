@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from gash_jax.formats.exr import open_exr
 from gash_jax.formats.hdr import open_hdr
 from gash_jax.formats.picture import FORMATS, LightError, Picture, Progress
 
@@ -19,4 +18,8 @@ def read_map(path: str | Path, progress: Progress | None = None) -> Picture:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES and path.is_file():
         raise LightError(f"{path} has no known light format: readable are {FORMATS}, convert it to .hdr")
-    return open_exr(path) if suffix == ".exr" else open_hdr(path, progress)
+    if suffix != ".exr":
+        return open_hdr(path, progress)
+    from gash_jax.formats.exr import open_exr  # a library of its own, which no other map needs
+
+    return open_exr(path)

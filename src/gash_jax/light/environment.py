@@ -1,12 +1,15 @@
 """Environment light as spherical harmonics: projection of maps, light files, rotation.
 
-L_k = integral over the sphere of L(w) Y_k(w) dw, linear RGB radiance, never windowed. A pixel (row i, column j) of an
-H x W map looks along d = (sin t sin p, cos t, -sin t cos p), t = (i + 1/2) pi / H, p = ((j + 1/2) / W - 1/2) 2 pi:
-row 0 is up, the image centre is -z. It covers the exact solid angle (cos t_i - cos t_(i+1)) 2 pi / W between its
-edges and counts as light from its centre, so a single lit pixel gives Y_k(d) times its flux; a constant map of
-radiance 1 gives L_00 = 2 sqrt(pi) and a rest that vanishes as 1 / H^2.
+L_k = integral over the sphere of L(w) Y_k(w) dw, linear RGB radiance, never windowed. A pixel of a map looks where its
+layout says (`layouts`), covers its solid angle and counts as light from its centre, so a single lit pixel gives Y_k(d)
+times its flux; a constant map of radiance 1 gives L_00 = 2 sqrt(pi) and a rest that vanishes as 1 / H^2.
+
+Along a row of a latlong map a component of degree l is a trigonometric polynomial of degree l: its sum over all pixels
+is one over 2 B - 1 azimuths, to which the row is brought by the Dirichlet kernel. That is exact, and makes the
+projection of a large map as fast as reading it.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +19,9 @@ from jaxtyping import Array, Float, Shaped
 from gash_jax.algebra.sh import sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.npz import read_npz, write_npz
-from gash_jax.formats.hdr import FORMATS, LightError, read_hdr
+from gash_jax.formats.maps import read_map
+from gash_jax.formats.picture import LightError, Progress
+from gash_jax.light.layouts import layout_of, pixel_rays, pixel_solid_angles
 
 FORMAT, FORMAT_VERSION = "gash-light", 1
 CONVENTIONS = (
@@ -38,65 +43,81 @@ class Light(NamedTuple):
         return round(len(self.coefficients) ** 0.5)
 
 
-def pixel_directions(height: int, width: int, rows: slice = slice(None)) -> Float[np.ndarray, "h w 3"]:
-    """Unit directions of the pixel centres of an equirectangular map, float64; of some rows if given."""
-    t = ((np.arange(height) + 0.5) / height * np.pi)[rows, None]
-    p = (((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi)[None]
-    return np.stack(np.broadcast_arrays(np.sin(t) * np.sin(p), np.cos(t), -np.sin(t) * np.cos(p)), axis=-1)
+def project_light(
+    image: Shaped[np.ndarray, "..."], bands: int, layout: str | None = None, progress: Progress | None = None
+) -> Float[np.ndarray, "k 3"]:
+    """Radiance coefficients of an environment map (h, w, 3), summed in float64, returned as float32.
 
-
-def pixel_solid_angles(height: int, width: int) -> Float[np.ndarray, "h"]:
-    """Exact solid angle of one pixel of each row, float64; all pixels together cover 4 pi."""
-    edges = np.cos(np.arange(height + 1) / height * np.pi)
-    return (edges[:-1] - edges[1:]) * 2.0 * np.pi / width
-
-
-def project_light(image: Shaped[np.ndarray, "..."], bands: int) -> Float[np.ndarray, "k 3"]:
-    """Radiance coefficients of an equirectangular map (h, w, 3), summed in float64, returned as float32.
-
-    Raises LightError for another shape or values that are not finite, ValueError for bands outside 1 to 10.
+    `layout` is one of `LAYOUTS`; without it a map twice as wide as high is latlong, and another one is recognised or
+    refused. `progress(done, total)` counts rows. Raises LightError for another shape or values that are not finite,
+    ValueError for bands outside 1 to 10.
     """
     validate_bands(bands)
     if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape or image.dtype.kind not in "fiu":
         raise LightError(f"an environment map has shape (height, width, 3), this image {image.shape} {image.dtype}")
     if not np.isfinite(image).all():
         raise LightError("the environment map holds values that are not finite: repair these pixels first")
-    height, width = image.shape[:2]
-    solid_angles = pixel_solid_angles(height, width)
+    layout, _ = layout_of(image, layout)
     total = np.zeros((bands * bands, 3))
-    step = max(1, _BLOCK_PIXELS // width)
-    for start in range(0, height, step):
-        rows = slice(start, start + step)
-        flux = image[rows].astype(np.float64) * solid_angles[rows, None, None]
-        x, y, z = np.moveaxis(pixel_directions(height, width, rows), -1, 0)
+    for directions, flux, done in _blocks(image, layout, bands):
+        x, y, z = np.moveaxis(directions, -1, 0)
         for k, component in enumerate(sh_components(x, y, z, bands)):
-            total[k] += np.einsum("hw,hwc->c", component, flux)
+            total[k] += np.einsum("hs,hsc->c", component, flux)
+        if progress:
+            progress(done, len(image))
     if np.abs(total).max() > np.finfo(np.float32).max:
         raise LightError("the environment map is too bright for float32 coefficients: scale it down")
     return total.astype(np.float32)
 
 
-def load_light(path: str | Path, bands: int = 3) -> Light:
+def _blocks(
+    image: Shaped[np.ndarray, "_ _ 3"], layout: str, bands: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+    """Directions and the flux from each, float64, of some rows of a map at a time; and how many rows are done.
+
+    A row of a latlong map is brought to as many azimuths as its harmonics have.
+    """
+    height, width = image.shape[:2]
+    azimuths = 2 * bands - 1
+    few = layout == "latlong" and azimuths < width
+    middles = [(np.arange(count) + 0.5) / count for count in (azimuths, width)]
+    apart = 2.0 * np.pi * np.subtract.outer(*middles)[..., None] * np.arange(1, bands)
+    kernel = (1.0 + 2.0 * np.cos(apart).sum(axis=-1)) / azimuths
+    step = max(1, _BLOCK_PIXELS // width)
+    for start in range(0, height, step):
+        rows = slice(start, min(start + step, height))
+        block = image[rows].astype(np.float64)
+        directions, solid_angles = pixel_rays(layout, height, azimuths if few else width, rows)
+        if few:
+            solid_angles = pixel_solid_angles(height, width)[rows, None]
+            block = kernel @ block
+        yield directions, block * solid_angles[..., None], rows.stop
+
+
+def load_light(path: str | Path, bands: int = 3, layout: str | None = None, progress: Progress | None = None) -> Light:
     """Light with `bands` bands from an environment map (.hdr, .pic, .exr) or a light file (.npz).
 
-    A light file with more bands is cut; with fewer it is refused, as the missing ones are not in it. Raises LightError
-    for a map and FileError for an npz that cannot be used.
+    `layout` says how the map is laid out (`LAYOUTS`); without it a map twice as wide as high is latlong, another one is
+    recognised where that is certain. `progress(done, total)` counts rows, read and projected. What reading decided is
+    in `metadata["notes"]`. A light file with more bands is cut; with fewer it is refused, as the missing ones are not
+    in it. Raises LightError for a map and FileError for an npz that cannot be used.
     """
     validate_bands(bands)
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return _load_light_file(path, bands)
-    suffix = path.suffix.lower()
-    if suffix not in (".hdr", ".pic", ".exr") and path.is_file():
-        raise LightError(f"{path} has no known light format: readable are {FORMATS}, convert it to .hdr")
-    if suffix == ".exr":
-        from gash_jax.formats.exr import read_exr  # a library of its own, which no other map needs
-
-        image = read_exr(path)
-    else:
-        image = read_hdr(path)
-    entries = {"source": path.name, "map": list(image.shape[:2])}
-    return Light(project_light(image, bands), light_metadata(bands, **entries))
+    # reading and projecting take about as long
+    picture = read_map(path, progress and (lambda done, total: progress(done, 2 * total)))
+    image = picture.radiance
+    try:
+        layout, note = layout_of(image, layout or picture.layout)
+        later = progress and (lambda done, total: progress(total + done, 2 * total))
+        coefficients = project_light(image, bands, layout, later)
+    except LightError as error:
+        raise LightError(f"{path}: {error}") from None
+    notes = [*picture.notes, *note]
+    entries = {"source": path.name, "map": list(image.shape[:2]), "layout": layout, "notes": notes}
+    return Light(coefficients, light_metadata(bands, **entries))
 
 
 def save_light(path: str | Path, light: Light) -> None:

@@ -7,7 +7,7 @@ Radiances are chosen so that a white surface facing the key leaves about 1, one 
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.light.environment import pixel_directions
+from gash_jax.light.layouts import pixel_directions
 
 SKY_HORIZON, SKY_ZENITH, FLOOR = (0.26, 0.28, 0.31), (0.16, 0.2, 0.28), (0.05, 0.045, 0.04)
 # direction, half-angle in degrees, radiance
