@@ -47,6 +47,15 @@ def open_exr(path: str | Path) -> Picture:
     path = Path(path)
     if read_bytes(path, len(_MAGIC)) != _MAGIC:
         raise LightError(f"{path} is not an OpenEXR picture: readable are {FORMATS}, convert it to .hdr or .exr")
+    try:
+        return _read(path)
+    except LightError:
+        raise
+    except (*_FAILURES, TypeError, AttributeError):  # attributes of another type than their names have
+        raise LightError(f"{path} is damaged: its header makes no sense, fetch it again") from None
+
+
+def _read(path: Path) -> Picture:
     part, names = _colour_part(_open(path, header_only=True), path)
     if any((part.channels[name].xSampling, part.channels[name].ySampling) != (1, 1) for name in names):
         raise LightError(f"{path} has subsampled colour channels: save it as RGB at full resolution")
@@ -59,7 +68,7 @@ def open_exr(path: str | Path) -> Picture:
     pixels = np.stack([whole[0].channels[name].pixels for name in names], axis=-1, dtype=np.float32)
     image, notes = without_negatives(_in_display_window(pixels, part.header, path), path)
     if len(set(names)) == 3 and "chromaticities" in part.header:  # grey has no colour to convert
-        image, note = in_rec_709(image, np.array(part.header["chromaticities"], dtype=np.float64))
+        image, note = in_rec_709(image, np.array(part.header["chromaticities"], dtype=np.float64).reshape(8))
         notes += note
     if part.header.get("envmap") == OpenEXR.ENVMAP_LATLONG:
         return Picture(image, (*notes, _ENVMAP_NOTE), "latlong")

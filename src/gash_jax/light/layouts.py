@@ -20,7 +20,7 @@ is refused until its layout is named.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from gash_jax.formats.picture import LightError
 
@@ -45,7 +45,7 @@ class Pixels(NamedTuple):
     solid_angles: Float[np.ndarray, "h w"]
 
 
-def layout_of(image: Float[np.ndarray, "h w 3"], named: str | None = None) -> tuple[str, tuple[str, ...]]:
+def layout_of(image: Shaped[np.ndarray, "h w 3"], named: str | None = None) -> tuple[str, tuple[str, ...]]:
     """The layout of a map, `named` by the user or by its file if not None, and a note where it was recognised.
 
     Raises LightError for an unknown name, for a shape that the named layout cannot have, and for a map that is not
@@ -166,7 +166,7 @@ def _cross(height: int, width: int, rows: slice) -> Pixels:
     return Pixels(directions, solid_angles)
 
 
-def _is_blank_outside(image: Float[np.ndarray, "h w 3"], height: int, width: int) -> bool:
+def _is_blank_outside(image: Shaped[np.ndarray, "h w 3"], height: int, width: int) -> bool:
     """Whether every square of a cross without a face has one colour."""
     found = _faces(height, width)
     assert found is not None
@@ -180,7 +180,7 @@ def _is_blank_outside(image: Float[np.ndarray, "h w 3"], height: int, width: int
     return all((square == square[0, 0]).all() for square in blank)
 
 
-def _is_angular(image: Float[np.ndarray, "h w 3"]) -> bool:
+def _is_angular(image: Shaped[np.ndarray, "h w 3"]) -> bool:
     """Whether a square map is exactly black outside its disk, and lit along its rim."""
     u, v = _square(len(image), slice(None))
     radius, lit = np.hypot(u, v), image.any(axis=-1)
