@@ -96,6 +96,8 @@ def _node_places(
         raise MeshError("the instances of a glTF node have attributes of different lengths: the file is damaged")
     matrices = np.tile(np.eye(4), (counts.pop(), 1, 1))
     if "ROTATION" in values and len(matrices):
+        from scipy.spatial.transform import Rotation  # slow to import, as below
+
         matrices[:, :3, :3] = Rotation.from_quat(values["ROTATION"]).as_matrix()
     if "SCALE" in values:
         matrices[:, :3, :3] *= values["SCALE"][:, None]
