@@ -22,7 +22,7 @@ COMMANDS = {
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
     "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
     "info": "Say what FILE (mesh, transfer, light or model) holds; a mesh gets its health report.",
-    "light": "Project an equirectangular environment map (.hdr, .exr) to spherical harmonics.",
+    "light": "Project an environment map (.hdr, .exr) to spherical harmonics.",
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",
     "predict": "Predict the transfer of MESH with a network: no rays.",
     "render": "Relight TRANSFER and write a PNG of several views.",

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from gash_jax.light.layouts import LAYOUTS
+
 PATH = click.Path(path_type=Path)
 
 
@@ -41,6 +43,19 @@ up_option = click.option(
 def light_option(text: str):
     """--light where it may be left out."""
     return click.option("--light", "light_path", type=PATH, help=text)
+
+
+layout_option = click.option(
+    "--layout",
+    type=click.Choice(LAYOUTS),
+    help="How the map is laid out.  [default: latlong if twice as wide as high, else recognised or refused]",
+)
+
+
+def check_layout(layout: str | None, light_path: Path | None) -> None:
+    """Refuse a layout without a map that has it."""
+    if layout and not light_path:
+        raise click.UsageError("--layout says how the map of --light is laid out: give one, or leave it out")
 
 
 reference_option = click.option(

@@ -21,11 +21,12 @@ class FileError(ValueError):
     """A file cannot be read or written; the message is one line that says what to do."""
 
 
-def check_writable(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
+def check_writable(path: str | Path, inputs: Iterable[str | Path | None] = ()) -> Path:
     """Fail before hours of work, not after; returns the file that would be written, links followed.
 
     Raises FileError if `path` is no place for an ordinary file, cannot be written, or is the same file as one of
-    `inputs`, whatever both are called (relative, by a link, in other letters where these do not count).
+    `inputs`, whatever both are called (relative, by a link, in other letters where these do not count). None and names
+    of no file count for nothing.
     """
     path = Path(path)
     target = _followed(path)
@@ -59,13 +60,13 @@ def _followed(path: Path) -> Path:
         raise FileError(f"cannot write {path}: {error.strerror}") from None
 
 
-def _check_replaceable(path: Path, target: Path, mode: int, inputs: Iterable[str | Path]) -> None:
+def _check_replaceable(path: Path, target: Path, mode: int, inputs: Iterable[str | Path | None]) -> None:
     if stat.S_ISDIR(mode):
         raise FileError(f"cannot write {path}: it is a folder, give a file name")
     if not stat.S_ISREG(mode):
         raise FileError(f"cannot write {path}: it is a device or a pipe, give the name of an ordinary file")
     for source in inputs:
-        if os.path.exists(source) and os.path.samefile(source, target):
+        if source is not None and os.path.exists(source) and os.path.samefile(source, target):
             raise FileError(f"cannot write {path}: it is the input {source}, give the output another name")
     # the superuser may write anything: there the mode says what was meant
     if not os.access(target, os.W_OK) or not mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
@@ -73,7 +74,7 @@ def _check_replaceable(path: Path, target: Path, mode: int, inputs: Iterable[str
 
 
 @contextmanager
-def whole_file(path: str | Path, inputs: Iterable[str | Path] = ()) -> Iterator[Path]:
+def whole_file(path: str | Path, inputs: Iterable[str | Path | None] = ()) -> Iterator[Path]:
     """A temporary path to write to; it becomes `path` where the block ends well, and is removed where it does not.
 
     Raises FileError where `path` cannot be written, before the block begins (`check_writable`), or where there is no

@@ -105,6 +105,8 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
     validate_bands(bands)
     path = Path(path)
     if path.suffix.lower() == ".npz":
+        if layout is not None:
+            raise LightError(f"{path} is a light file, which has no layout: leave the layout out")
         return _load_light_file(path, bands)
     # reading and projecting take about as long
     picture = read_map(path, progress and (lambda done, total: progress(done, 2 * total)))

@@ -12,6 +12,8 @@ from gash_jax.apps.options import (
     PATH,
     Command,
     bands_option,
+    check_layout,
+    layout_option,
     light_option,
     output_option,
     quiet_option,
@@ -38,6 +40,7 @@ from gash_jax.prt.transfer import Transfer, save_transfer
 @click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
 @click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
 @light_option("With --auto: the light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@layout_option
 @click.option(
     "--replicates",
     type=click.IntRange(1),
@@ -54,6 +57,7 @@ def bake(
     error: float | None,
     auto: bool,
     light_path: Path | None,
+    layout: str | None,
     replicates: int | None,
     seed: int,
     up: str,
@@ -65,13 +69,14 @@ def bake(
     to_error = auto or error is not None
     if to_error and (rays is not None or replicates is not None):
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
-    check_writable(output)
+    check_layout(layout, light_path)
+    check_writable(output, [mesh, light_path])
     error, rays = 0.02 if error is None else error, 256 if rays is None else rays
     if to_error:
         check_error(error)
     else:
         choose_replicates(rays, replicates)
-    light = None if light_path is None else load_light(light_path, MAX_BANDS).coefficients
+    light = None if light_path is None else load_light(light_path, MAX_BANDS, layout).coefficients
     started = time.perf_counter()
     surface, health = read_mesh(mesh, up)
     read = time.perf_counter() - started

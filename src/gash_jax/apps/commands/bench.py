@@ -38,7 +38,7 @@ def bench(
 ) -> None:
     """Speed against error on MESH: closed form, plain bakes, networks."""
     if output:
-        check_writable(output)
+        check_writable(output, [mesh, *models])
     names = models or ("local",)
     loaded = {name: load_model(name) for name in names}
     surface, _ = read_mesh(mesh, up)

@@ -11,6 +11,7 @@ from gash_jax.apps.pictures.contact_sheet import contact_sheet
 from gash_jax.apps.pictures.montage import write_png
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
+from gash_jax.files.atomic import check_writable
 from gash_jax.train.config import load_config
 from gash_jax.train.corpus import build_corpus, split_indices
 
@@ -22,6 +23,8 @@ from gash_jax.train.corpus import build_corpus, split_indices
 @quiet_option
 def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
     """Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an interruption."""
+    if output:
+        check_writable(output, [config])
     run = load_config(config, overrides)
     training, validation = split_indices(run.data)
     with progress_bar("corpus", quiet) as update:

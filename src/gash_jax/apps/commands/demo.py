@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, quiet_option
+from gash_jax.apps.options import PATH, Command, check_layout, layout_option, quiet_option
 from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
@@ -52,6 +52,7 @@ UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the c
 )
 @click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
 @click.option("--light", "light_path", type=PATH, help="Environment map (.hdr, .exr).  [default: a generated studio]")
+@layout_option
 @click.option(
     "--train",
     "seconds",
@@ -59,10 +60,13 @@ UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the c
     help="Train small networks first, two of them for so many seconds each.  [default: the weights that ship]",
 )
 @quiet_option
-def demo(output: Path, mesh: Path | None, light_path: Path | None, seconds: float | None, quiet: bool) -> None:
+def demo(
+    output: Path, mesh: Path | None, light_path: Path | None, layout: str | None, seconds: float | None, quiet: bool
+) -> None:
     """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
     started = time.perf_counter()
-    light = load_light(light_path, 3).coefficients if light_path else project_light(studio_light(), 3)
+    check_layout(layout, light_path)
+    light = load_light(light_path, 3, layout).coefficients if light_path else project_light(studio_light(), 3)
     name, surface, found_in_mesh = _surface(mesh)
     output.mkdir(parents=True, exist_ok=True)
     models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}

@@ -39,7 +39,7 @@ def evaluate(
 ) -> None:
     """Hold the model of RUN (or a weights file) against reference bakes of every MESH."""
     if output:
-        check_writable(output)
+        check_writable(output, [run, run / "model.npz", *meshes])
     model = load_model(run / "model.npz" if run.is_dir() else run)
     rows = []
     with progress_bar(f"{len(meshes)} meshes", quiet) as update:

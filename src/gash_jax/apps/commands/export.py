@@ -18,7 +18,7 @@ from gash_jax.train.run import best_so_far
 @quiet_option
 def export(run: Path, output: Path, quiet: bool) -> None:
     """Write the best weights of RUN, finished or not, as one npz that any runtime can read."""
-    check_writable(output)
+    check_writable(output, [run / "model.npz", *run.glob("*.json*")])
     if (run / "model.npz").is_file():
         model = load_model(run / "model.npz")
         save_model(output, model.config, model.params, **model.metadata)

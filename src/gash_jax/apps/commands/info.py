@@ -33,6 +33,10 @@ def _archive(path: Path) -> dict[str, Any]:
     if "format" not in metadata:
         raise FileError(f"{path} was not written by gash_jax")
     values: dict[str, Any] = {"kind": metadata["format"].removeprefix("gash-")}
+    if values["kind"] == "transfer":
+        from gash_jax.prt.transfer import load_transfer  # it waits for JAX
+
+        load_transfer(path)  # refuses what does not fit together
     if values["kind"] == "model":
         values["parameters"] = sum(array.size for array in arrays.values())
     return {**values, "arrays": {name: list(array.shape) for name, array in arrays.items()}, **metadata}

@@ -5,8 +5,9 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, bands_option, output_option, quiet_option
+from gash_jax.apps.options import PATH, Command, bands_option, layout_option, output_option, quiet_option
 from gash_jax.apps.printing import say
+from gash_jax.apps.progress import progress_bar
 from gash_jax.files.atomic import check_writable
 from gash_jax.light.environment import load_light, save_light
 
@@ -15,12 +16,16 @@ from gash_jax.light.environment import load_light, save_light
 @click.argument("map", type=PATH)
 @output_option
 @bands_option()
+@layout_option
 @quiet_option
-def light(map: Path, output: Path, bands: int, quiet: bool) -> None:
-    """Project an equirectangular environment map (.hdr, .exr) to spherical harmonics."""
-    check_writable(output)
-    projected = load_light(map, bands)
+def light(map: Path, output: Path, bands: int, layout: str | None, quiet: bool) -> None:
+    """Project an environment map (.hdr, .exr) to spherical harmonics."""
+    check_writable(output, [map])
+    with progress_bar(f"projecting {map.name}", quiet) as update:
+        projected = load_light(map, bands, layout, update)
     save_light(output, projected)
+    for note in projected.metadata.get("notes", []):
+        say(f"  {note}", quiet)
     say("coefficient      red      green       blue", quiet)
     for index, rgb in enumerate(np.asarray(projected.coefficients)):
         say(f"  {index:3d}     " + " ".join(f"{value:10.5f}" for value in rgb), quiet)

@@ -7,7 +7,16 @@ from typing import Any
 import click
 
 from gash_jax.algebra.sh import MAX_BANDS
-from gash_jax.apps.options import PATH, Command, bands_option, json_option, light_option, up_option
+from gash_jax.apps.options import (
+    PATH,
+    Command,
+    bands_option,
+    check_layout,
+    json_option,
+    layout_option,
+    light_option,
+    up_option,
+)
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.light.environment import load_light
 from gash_jax.prt.error_target import check_error
@@ -17,14 +26,18 @@ from gash_jax.prt.plan import plan_bake
 @click.command(cls=Command, epilog="gash plan bunny.ply --light studio.hdr --error 0.02")
 @click.argument("mesh", type=PATH)
 @light_option("Light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@layout_option
 @click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
 @bands_option()
 @up_option
 @json_option
-def plan(mesh: Path, light_path: Path | None, error: float, bands: int, up: str, as_json: bool) -> None:
+def plan(
+    mesh: Path, light_path: Path | None, layout: str | None, error: float, bands: int, up: str, as_json: bool
+) -> None:
     """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
     check_error(error)
-    light = None if light_path is None else load_light(light_path, MAX_BANDS).coefficients
+    check_layout(layout, light_path)
+    light = None if light_path is None else load_light(light_path, MAX_BANDS, layout).coefficients
     surface, health = read_mesh(mesh, up)
     found = plan_bake(surface, error, bands=bands, light=light).to_dict()
     values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}

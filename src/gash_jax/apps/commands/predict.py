@@ -23,7 +23,7 @@ from gash_jax.prt.transfer import save_transfer
 @quiet_option
 def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet: bool) -> None:
     """Predict the transfer of MESH with a network: no rays."""
-    check_writable(output)
+    check_writable(output, [mesh, model])
     network = load_model(model)
     surface, health = read_mesh(mesh, up)
     transfer = network.predict(surface)

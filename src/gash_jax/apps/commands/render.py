@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, output_option, quiet_option
+from gash_jax.apps.options import PATH, Command, layout_option, output_option, quiet_option
 from gash_jax.apps.pictures.montage import montage, write_png
 from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
@@ -19,6 +19,7 @@ from gash_jax.prt.transfer import load_transfer
 @click.command(cls=Command, epilog="gash render bunny.npz --light studio.hdr -o bunny.png --view front --view back")
 @click.argument("transfer", type=PATH)
 @click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr, .exr) or light (.npz).")
+@layout_option
 @output_option
 @click.option(
     "--view",
@@ -31,11 +32,23 @@ from gash_jax.prt.transfer import load_transfer
 )
 @click.option("--size", type=click.IntRange(16, 4096), default=512, show_default=True, help="Pixels per view.")
 @quiet_option
-def render(transfer: Path, light_path: Path, output: Path, views: tuple[str, ...], size: int, quiet: bool) -> None:
+def render(
+    transfer: Path,
+    light_path: Path,
+    layout: str | None,
+    output: Path,
+    views: tuple[str, ...],
+    size: int,
+    quiet: bool,
+) -> None:
     """Relight TRANSFER and write a PNG of several views."""
-    check_writable(output)
+    check_writable(output, [transfer, light_path])
     lit = load_transfer(transfer)
-    radiance = np.asarray(shade(lit.coefficients, load_light(light_path, lit.bands)))
+    with progress_bar(f"projecting {light_path.name}", quiet) as update:
+        light = load_light(light_path, lit.bands, layout, update)
+    for note in light.metadata.get("notes", []):
+        say(f"  {note}", quiet)
+    radiance = np.asarray(shade(lit.coefficients, light))
     images = []
     with progress_bar("rendering", quiet) as update:
         for step, view in enumerate(views):
