@@ -59,7 +59,7 @@ def test_any_first_corner_either_way_round_in_any_plane(name: str) -> None:
         turned = np.roll(points, start, axis=0)
         for seed, polygon in enumerate((turned, turned[::-1])):
             _check_cover(polygon)
-            tilted = Rotation.random(random_state=10 * start + seed).apply(polygon)
+            tilted = Rotation.random(rng=np.random.default_rng(10 * start + seed)).apply(polygon)
             _check_cover(tilted)
             _check_cover((100 * tilted + [7, -20, 3]).astype(np.float32))
 
@@ -86,7 +86,7 @@ def test_random_outlines_with_straight_corners(seed: int) -> None:
         place = int(rng.integers(len(points)))
         between = points[place] + (points[(place + 1) % len(points)] - points[place]) * rng.integers(1, 8) / 8
         points = np.insert(points, place + 1, between, axis=0)
-    tilted = Rotation.random(random_state=seed).apply(_in_space(points))
+    tilted = Rotation.random(rng=np.random.default_rng(seed)).apply(_in_space(points))
     for polygon in (_in_space(points), tilted, (tilted + rng.normal(size=3)).astype(np.float32)):
         _check_cover(np.roll(polygon, seed, axis=0), thinnest=1e-7)
 
@@ -109,7 +109,7 @@ def test_convex_polygons_keep_their_fan(count: int) -> None:
     round_ = _in_space(np.stack([3 * np.cos(angles), np.sin(angles)], axis=1))
     i = np.arange(1, count - 1)
     for seed in range(3):
-        faces, notes = _cut((Rotation.random(random_state=seed).apply(round_) + seed).astype(np.float32))
+        faces, notes = _cut((Rotation.random(rng=np.random.default_rng(seed)).apply(round_) + seed).astype(np.float32))
         np.testing.assert_array_equal(faces, np.stack([0 * i, i, i + 1], axis=1))
         assert notes == ()
 

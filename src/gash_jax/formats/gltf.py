@@ -35,11 +35,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
     """The scene of a .glb or .gltf file; `folder` is where buffers of a .gltf are looked for. Raises MeshError."""
     document = open_document(data, folder)
     places = _places(document)
-    scene, skipped, morphed = (
-        [RawMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), ())],
-        0,
-        False,
-    )
+    scene, skipped, morphed = [(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))], 0, False
     count = 0
     for index, place in places.items():
         node = document.json["nodes"][index]
@@ -53,17 +49,20 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
         morphed |= any(piece.morphed for piece in pieces)
         if pieces:
             scene.append(_placed(pieces, _node_places(document, node, place, places), count))
-            count += len(scene[-1].vertices)
+            count += len(scene[-1][0])
     notes = document.notes
     if skipped:
         notes += (f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out",)
     if morphed:
         notes += ("morph targets with default weights: applied, the shape is not the base shape",)
-    return RawMesh(*(np.concatenate(arrays) for arrays in list(zip(*scene, strict=True))[:3]), notes)
+    vertices, faces, normals = (np.concatenate(arrays) for arrays in zip(*scene, strict=True))
+    return RawMesh(vertices, faces, normals, notes)
 
 
-def _placed(pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int) -> RawMesh:
-    """All pieces once for each place; their vertices are numbered from `count`."""
+def _placed(
+    pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], Float[np.ndarray, "v 3"]]:
+    """Vertices, faces and normals of all pieces once for each place; the vertices are numbered from `count`."""
     own = sum(len(piece.points) for piece in pieces)
     if own * len(places) + count > MOST_VERTICES:
         raise MeshError(f"the glTF scene has more than {MOST_VERTICES} vertices, instances included: export fewer")
@@ -76,7 +75,8 @@ def _placed(pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int
     mirrored = (np.linalg.det(turns) < 0)[:, None, None]
     faces = np.where(mirrored, triangles[:, ::-1], triangles) + (count + own * np.arange(len(places)))[:, None, None]
     arrays = (np.concatenate(moved, axis=1), faces, np.concatenate(tilts, axis=1))
-    return RawMesh(*(array.reshape(-1, 3) for array in arrays), ())
+    vertices, faces, normals = (array.reshape(-1, 3) for array in arrays)
+    return vertices, faces, normals
 
 
 def _node_places(

@@ -183,7 +183,7 @@ def _is_blank_outside(image: Shaped[np.ndarray, "h w 3"], height: int, width: in
 def _is_angular(image: Shaped[np.ndarray, "h w 3"]) -> bool:
     """Whether a square map is exactly black outside its disk, and lit along its rim."""
     u, v = _square(len(image), slice(None))
-    radius, lit = np.hypot(u, v), image.any(axis=-1)
+    radius, lit = np.asarray(np.hypot(u, v)), np.asarray(image.any(axis=-1))
     step = 2.0 / len(image)
     rim = (radius < 1 - step) & (radius > 1 - 4 * step)
     return not lit[radius > 1 + step].any() and bool(rim.any()) and bool(lit[rim].mean() > _LIT_RIM)
