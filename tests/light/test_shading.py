@@ -9,6 +9,7 @@ from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
 from gash_jax.algebra.sh import hann_window, sh_components
 from gash_jax.light.environment import Light, light_metadata, project_light
 from gash_jax.light.shading import shade
+from gash_jax.prt.transfer import Transfer
 
 
 def normals(count: int) -> np.ndarray:
@@ -71,9 +72,46 @@ def test_more_light_bands_are_cut_and_fewer_refused() -> None:
         shade(transfer, light[:4])
 
 
-def test_a_light_object_is_its_coefficients() -> None:
+def _transfer_of(coefficients: np.ndarray) -> Transfer:
+    n = normals(len(coefficients))
+    return Transfer(coefficients, None, n, n, np.zeros((0, 3), np.int32), {})
+
+
+def test_a_light_object_and_a_transfer_object_are_their_coefficients() -> None:
     transfer, light = unshadowed_transfer(normals(5), 3), random_light(9)
-    np.testing.assert_array_equal(shade(transfer, Light(light, light_metadata(3))), shade(transfer, light))
+    expected, held = shade(transfer, light), Light(light, light_metadata(3))
+    np.testing.assert_array_equal(shade(transfer, held), expected)
+    np.testing.assert_array_equal(shade(_transfer_of(transfer), held), expected)
+    np.testing.assert_allclose(jax.jit(shade)(_transfer_of(transfer), held), expected, atol=1e-6)
+    window = hann_window(3, 3)
+    both = shade(_transfer_of(transfer), held, albedo=np.array([1, 0.5, 0], np.float32), window=window)
+    plain = shade(transfer, light, albedo=np.array([1, 0.5, 0], np.float32), window=window)
+    np.testing.assert_array_equal(both, plain)
+
+
+def test_a_response_to_each_colour_by_hand() -> None:
+    """Red light by the red coefficients, green by the green ones, blue by the blue ones."""
+    transfer = np.zeros((1, 4, 3), np.float32)
+    transfer[0, :, 0], transfer[0, 0, 1], transfer[0, 3, 2] = 1, 2, 3
+    light = np.array([[1, 2, 3], [10, 20, 30], [100, 200, 300], [1000, 2000, 4000]], np.float32)
+    np.testing.assert_array_equal(shade(transfer, light), [[1111, 4, 12000]])
+    np.testing.assert_array_equal(shade(_transfer_of(transfer), light), [[1111, 4, 12000]])
+    albedo, window = np.array([1, 0.5, 0.25], np.float32), np.array([1, 1, 1, 0.5], np.float32)
+    np.testing.assert_array_equal(shade(transfer, light, albedo, window), [[611, 2, 1500]])
+
+
+def test_three_equal_responses_are_one() -> None:
+    """And: jit, vmap over transfers, and a gradient with respect to the coloured transfer."""
+    transfer, light = unshadowed_transfer(normals(7), 4), random_light(16)
+    coloured = np.repeat(transfer[..., None], 3, axis=-1)
+    np.testing.assert_allclose(shade(coloured, light), shade(transfer, light), atol=1e-6)
+    np.testing.assert_allclose(jax.jit(shade)(coloured, light), shade(transfer, light), atol=1e-6)
+    many = jax.vmap(lambda t: shade(t, light))(np.stack([coloured, 2 * coloured]))
+    np.testing.assert_allclose(many, [shade(transfer, light), 2 * shade(transfer, light)], atol=2e-6)
+    gradient = jax.grad(lambda t: shade(t, light).sum())(jnp.asarray(coloured))
+    np.testing.assert_allclose(gradient, np.broadcast_to(light, coloured.shape), atol=1e-6)
+    with pytest.raises(ValueError, match="project the light again with 4 bands"):
+        shade(coloured, light[:9])
 
 
 def test_hann_window_softens_a_small_light() -> None:

@@ -31,6 +31,14 @@ def validate_bands(bands: object) -> None:
         raise ValueError(f"bands is {bands!r}: use a whole number from 1 to {MAX_BANDS}")
 
 
+def bands_of(count: int) -> int:
+    """How many bands have `count` coefficients. Raises ValueError unless it is a whole number from 1 to MAX_BANDS."""
+    bands = math.isqrt(count)
+    if bands * bands != count or not 1 <= bands <= MAX_BANDS:
+        raise ValueError(f"{count} coefficients are no square of bands from 1 to {MAX_BANDS}")
+    return bands
+
+
 def band_index(bands: int) -> Int[np.ndarray, " k"]:
     """Band l of each coefficient k."""
     validate_bands(bands)

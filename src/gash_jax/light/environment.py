@@ -9,15 +9,17 @@ is one over 2 B - 1 azimuths, to which the row is brought by the Dirichlet kerne
 projection of a large map as fast as reading it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float, Shaped
 
-from gash_jax.algebra.sh import sh_components, validate_bands
+from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
+from gash_jax.files.containers import Container
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.formats.maps import read_map
 from gash_jax.formats.picture import LightError, Progress
@@ -31,16 +33,16 @@ CONVENTIONS = (
 _BLOCK_PIXELS = 1 << 16  # of a map projected at once: memory stays below 60 MiB at any size and band count
 
 
-class Light(NamedTuple):
-    """SH radiance of an environment (NumPy) and where it comes from."""
+@dataclass(frozen=True, eq=False)
+class Light(Container):
+    """SH radiance of an environment and where it comes from; a pytree (see `files.containers`)."""
 
-    coefficients: Float[np.ndarray, "k 3"]
-    metadata: dict[str, Any]
+    coefficients: Float[Any, "k 3"]
+    metadata: Mapping[str, Any]
+    bands: int = field(init=False)
 
-    @property
-    def bands(self) -> int:
-        """SH bands B; there are B² coefficients."""
-        return round(len(self.coefficients) ** 0.5)
+    def __post_init__(self) -> None:
+        self._set(bands_of(len(self.coefficients)))
 
 
 def project_light(
@@ -124,7 +126,8 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
 
 def save_light(path: str | Path, light: Light) -> None:
     """Write a light file; plain NumPy reads it without pickle."""
-    write_npz(path, {"coefficients": np.asarray(light.coefficients, np.float32)}, light.metadata)
+    metadata = {**light_metadata(light.bands), **light.metadata, "bands": light.bands}
+    write_npz(path, {"coefficients": np.asarray(light.coefficients, np.float32)}, metadata)
 
 
 def light_metadata(bands: int, **entries: Any) -> dict[str, Any]:

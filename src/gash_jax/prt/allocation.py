@@ -1,10 +1,17 @@
-"""Where the rays of a bake to an error go: which vertices get twice as many in the next round.
+"""Which vertices get more rays in the next round of a bake to an error, and how many rays it will take in all.
 
-The variance of a vertex falls about like N^-RATE, as boundaries of shadows cost (measured: VARIANCE), so to
-reach a total at least cost the rays per vertex must grow as (variance at one ray)^(1/(1 + RATE)) (Lagrange). That
-variance is half a vertex's own, half its neighbours' on the surface: four quarters are few, neighbours see nearly the
-same shadows, and a vertex whose few rays have all missed a shadow learns of it from them. A round doubles the
-vertices that want at least sqrt(2) times the rays they have, what looks like the last round in halves.
+Wanted is the least number of rays for which the variances of all vertices add up to the budget. A vertex with N rays
+is taken to have the variance v N^-RATE: lattices of points gain faster than the N^-1 of independent rays, but the edges
+of shadows keep them from gaining much faster (measured: VARIANCE; RATE is about its slope). With fewest rays in all, N
+is proportional to v^(1/(1 + RATE)) (Lagrange multiplier).
+
+What v is has to be guessed from few rays: the four quarters of a lattice say little, and if they have all missed a
+shadow they say that there is none. Neighbours on the surface see nearly the same shadows, so v is half a vertex's own
+and half the mean of it and its neighbours.
+
+Rays only ever double. A round doubles each vertex that wants at least sqrt(2) times the rays it has. Where no vertex
+wants more than one doubling, the round might be the last; as the variance may fall faster than expected, only the half
+of them that wants it most is doubled, then it is looked at again.
 """
 
 import numpy as np
@@ -47,11 +54,11 @@ def choose_doublings(
 ) -> tuple[np.ndarray, float]:
     """Which vertices to double, and the rays that the bake is then expected to need in all.
 
-    `variance` is what each vertex has at its present rays. Solves for the multiplier with which the rounded, never
-    falling ray counts meet the budget.
+    `variance` is what each vertex has with its present rays, `smooth` the matrix of `neighbour_mean`. Bisects for the
+    multiplier with which the ray counts, rounded to doublings and never less than now, meet the budget.
     """
     level = np.log2(rays / PILOT).round().astype(int)
-    unit = smooth @ (variance / lattice_variance(level))
+    unit = smooth @ (variance / lattice_variance(level))  # v, as the variance at PILOT rays
     urgency = np.log2(np.maximum(unit, 1e-30)) / (1 + RATE) - np.log2(rays)
     # vertices of one level and nearly one urgency are one class: the search then costs nothing
     step = np.rint(urgency * CLASSES).astype(int)

@@ -13,13 +13,12 @@ that is the floor of the standard error of a vertex whose N rays all agree, and 
 free rays, everywhere; of all other coefficients the floor is a fifth of it.
 """
 
-import math
 import time
 
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.algebra.sh import band_index
+from gash_jax.algebra.sh import band_index, bands_of
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import trace_geometry
@@ -77,7 +76,7 @@ def replicate_error(
     """Standard error of the mean of r > 1 replicates, not below the floor."""
     count, difference = replicas.shape[1], replicas - mean[:, None]
     variance = np.einsum("ark,ark->ak", difference, difference) / np.float32(count * (count - 1))
-    return np.maximum(np.sqrt(variance), standard_error_floor(math.isqrt(mean.shape[1]), rays, share))
+    return np.maximum(np.sqrt(variance), standard_error_floor(bands_of(mean.shape[1]), rays, share))
 
 
 def _range_of(rows: slice | None, count: int) -> tuple[int, int]:

@@ -1,20 +1,20 @@
 """Bake to an error instead of a number of rays: rounds of rays that go where the estimated error is.
 
-Every vertex has one randomly shifted Korobov lattice, which can be doubled without wasting what was traced
+Every vertex has one randomly shifted Korobov lattice, which can be doubled and keeps the rays that were traced
 (`sampling`). The first `PILOT` rays of a lattice fall into four interleaved quarters; doubling joins them two by two
-and adds two. Estimates of a quarter are blended with the closed form by the share of free rays known so far, so a
-vertex whose rays are all free *is* the closed form.
+and adds two. Each quarter gives an estimate, blended with the closed form by the share of free rays known so far
+(`integrands`), so a vertex whose rays are all free *is* the closed form.
 
-Error of a vertex with N rays. The quarters q of one lattice are no independent replicates (a lattice is better than
-its parts are by chance), so their spread is scaled by what one lattice is worth:
+Error of a vertex with N rays. The quarters q of one lattice are no independent replicates: a lattice is better than its
+parts, put together by chance, would be. So their spread is scaled by what one lattice is worth,
 
     standard_error² = KAPPA(N) * var(q) / 4,
 
-with KAPPA measured on generated shapes (`experiments/lattice_error`). Its floor is that of `bake`; where all N rays
-agree, MISSED times that, the rms error found among such vertices there: most of them are exact.
+with KAPPA measured on generated shapes (`experiments/lattice_error`). It has the floor of `bake`; where all N rays
+agree it is MISSED times that floor, the rms error found among such vertices in the same experiment: most are exact.
 
-A round doubles the rays of the vertices that `allocation` chooses; the bake ends when the summed standard errors are
-within CAUTION times the target.
+A round doubles the rays of the vertices that `allocation` chooses; the bake ends when the estimated error of the whole
+mesh is at most CAUTION times the one asked for.
 """
 
 import time

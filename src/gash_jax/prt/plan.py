@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
-from gash_jax.algebra.sh import band_index
+from gash_jax.algebra.sh import band_index, bands_of
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.error_target import check_error, run_rounds
 from gash_jax.prt.rays import trace_geometry
@@ -49,7 +49,7 @@ class Plan(NamedTuple):
 
 def irradiance_bands(light: Float[np.ndarray, "k 3"]) -> tuple[int, float]:
     """Fewest bands that hold `HELD` of the irradiance of a light, and the share that they hold."""
-    bands = round(len(light) ** 0.5)
+    bands = bands_of(len(light))
     energy = np.sum((clamped_cosine_coefficients(bands)[:, None] * light.astype(np.float64)) ** 2, axis=1)
     per_band = np.bincount(band_index(bands), energy)
     if not per_band.any():

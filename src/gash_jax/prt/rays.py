@@ -9,16 +9,19 @@ crevices are skipped. All vertices are lifted by `ray_offset`, the larger of `MI
 of a coordinate of size 1) and four spacings of the coordinates *in the file*, which bounds the staircase that
 rounding has put into a mesh stored far from the origin.
 
-Vertices of slivers are lifted further, by `sliver_lifts`. A ray that starts at height d over a face of area A, at
-one of its corners, meets the face or not by the sign of N·(corner - origin) = 2 A d, where float32 rounds
-N = a x b, a cross product of two edges, by up to u (|a_j b_k| + |a_k b_j|) in component i, u = 2^-24. Over the
-extents e_i of the face the sum of e_i times that bound, divided by 2 A, is the height up to which the sign may be
-wrong. Twice that, for the worst two edges, is the lift: a height of about u length³ / A at most, and next to 0 for
-faces along the axes, whose N is rounded in no other direction. It exceeds `MIN_OFFSET` from slivers of 1 : 1000 or
-so on. Without it convex bodies of random slivers lose 1 ray of 100 at 1 : 1e4 and 1 of 12 at 1 : 1e5, with it 2 of
-1e5, and flat sheets none. It ends at `MAX_LIFT`: at 3e-4, bodies of 1 : 1e6 lose 4 rays of 1e4 again, and twice as
-high gains little while a lone sliver between good faces, which needs no lift, is lifted off its crevices. Faces
-without area (as the health report counts them) lift nothing: their N is rounding, of any length.
+Vertices of slivers (long thin faces) are lifted further, by `sliver_lifts`. Whether a ray starts above a face or below
+is decided by the sign of N.(corner - origin), N = a x b the cross product of two edges of the face. From a height d
+above one of its corners that product is 2 A d, A the area of the face. But float32 rounds component i of N by up to u
+(|a_j b_k| + |a_k b_j|), u = 2^-24, and so the product by up to the sum over i of that times the face's extent e_i. As
+long as 2 A d is smaller than this error the sign may be wrong, and the ray meets the face that it starts on. The lift
+is twice the height at which they are equal, for the worst pair of edges of the worst face at a vertex: at most about
+u length³ / A. It is more than `MIN_OFFSET` from slivers of 1 : 1000 or so on, but next to nothing for faces in the
+planes of the axes, whose N has one component. Measured on convex bodies of random slivers: without it 1 ray of 100 is
+lost at 1 : 1e4 and 1 of 12 at 1 : 1e5, with it 2 of 1e5; of flat sheets none.
+
+A lift ends at `MAX_LIFT`. With 3e-4 bodies of 1 : 1e6 lose 4 rays of 1e4 again; twice as much gains little, and lifts a
+lone sliver between good faces, which needs no lift, out of its crevices. Faces without area (as the health report
+counts them) lift nothing: their N is nothing but rounding.
 """
 
 from collections.abc import Callable

@@ -5,16 +5,19 @@ integral is a formula, `algebra.closed_forms.unshadowed_transfer`.
 """
 
 import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
+from gash_jax.files.containers import Container, array_names
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 
@@ -23,26 +26,33 @@ CONVENTIONS = (
     "world right-handed, +y up; real orthonormal SH, polar axis z, k = l*l + l + m, no Condon-Shortley sign; "
     "transfer (1/pi) integral V cos Y, albedo not included; vertex order of the input file"
 )
+ERRORS, GLOSSY = ("standard_error", "predicted_error"), ("visibility", "matrices")
 
 
-class Transfer(NamedTuple):
-    """Coefficients per vertex of the input file, and the mesh they belong to (all NumPy).
+@dataclass(frozen=True, eq=False)
+class Transfer(Container):
+    """Coefficients per vertex of the input file, and the mesh they belong to: NumPy or JAX arrays in a pytree
+    (`files.containers`).
 
-    `standard_error` is that of sampled results; `predicted_error` is the RMS error that a network expects of itself.
+    Where surfaces are coloured there are coefficients for red, green and blue light, (v, k, 3). `standard_error` is
+    that of sampled results; `predicted_error` is the RMS error that a network expects of itself. Glossy transfer is
+    held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices` (DESIGN), in float32 or
+    float16. Rows of a bake have no faces.
     """
 
-    coefficients: Float[np.ndarray, "v k"]
-    standard_error: Float[np.ndarray, "v k"] | None
-    vertices: Float[np.ndarray, "v 3"]
-    normals: Float[np.ndarray, "v 3"]
-    faces: Int[np.ndarray, "f 3"]
-    metadata: dict[str, Any]
-    predicted_error: Float[np.ndarray, "v k"] | None = None
+    coefficients: Float[Any, "v k"] | Float[Any, "v k 3"]
+    standard_error: Float[Any, "v k"] | Float[Any, "v k 3"] | None
+    vertices: Float[Any, "v 3"]
+    normals: Float[Any, "v 3"]
+    faces: Int[Any, "f 3"]
+    metadata: Mapping[str, Any]
+    predicted_error: Float[Any, "v k"] | Float[Any, "v k 3"] | None = None
+    visibility: Float[Any, "v j"] | None = None
+    matrices: Float[Any, "v k k"] | None = None
+    bands: int = field(init=False)
 
-    @property
-    def bands(self) -> int:
-        """SH bands B; there are B² coefficients."""
-        return round(self.coefficients.shape[1] ** 0.5)
+    def __post_init__(self) -> None:
+        self._set(bands_of(self.coefficients.shape[1]))
 
     @property
     def mesh(self) -> Mesh:
@@ -72,9 +82,20 @@ def make_metadata(bands: int, method: str, parameters: dict[str, Any], **entries
 
 
 def save_transfer(path: str | Path, transfer: Transfer) -> None:
-    """Write a transfer file; plain NumPy reads it without pickle."""
-    arrays = {name: value for name, value in transfer._asdict().items() if name != "metadata" and value is not None}
-    write_npz(path, arrays, transfer.metadata)
+    """Write a transfer file; plain NumPy reads it without pickle. Raises FileError where the arrays do not fit.
+
+    Of metadata that a transformation has dropped, format and conventions are written all the same.
+    """
+    arrays = {}
+    for name in array_names(Transfer):
+        value = getattr(transfer, name)
+        if value is not None:
+            half = name in GLOSSY and np.asarray(value).dtype == np.float16
+            kind = np.int32 if name == "faces" else np.float16 if half else np.float32
+            arrays[name] = np.asarray(value, kind, order="C")
+    _check(path, arrays)
+    metadata = {**make_metadata(transfer.bands, "unknown", {}), **transfer.metadata, "bands": transfer.bands}
+    write_npz(path, arrays, metadata)
 
 
 def load_transfer(path: str | Path) -> Transfer:
@@ -82,17 +103,23 @@ def load_transfer(path: str | Path) -> Transfer:
     arrays, metadata = read_npz(path, "transfer", ("coefficients", "vertices", "normals", "faces"))
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a transfer file: bake or predict one")
-    rows, errors = ("v", "k"), ("standard_error", "predicted_error")
+    _check(path, arrays)
+    arrays["faces"] = arrays["faces"].astype(np.int32, copy=False)
+    return Transfer(**{name: arrays.get(name) for name in array_names(Transfer)}, metadata=metadata)  # type: ignore[arg-type]
+
+
+def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Raise FileError, one line that names the first array that does not fit."""
+    rows = ("v", "k", 3) if arrays["coefficients"].ndim == 3 else ("v", "k")
     shapes = {"coefficients": rows, "vertices": ("v", 3), "normals": ("v", 3), "faces": ("f", 3)}
-    shapes |= dict.fromkeys(errors, rows)
-    sizes = check_arrays(path, "transfer", arrays, shapes, optional=errors, integers=("faces",))
-    if sizes["k"] not in {bands * bands for bands in range(1, MAX_BANDS + 1)}:
-        raise FileError(
-            f"{path} is not a transfer file: {sizes['k']} coefficients are no square of bands, bake it again"
-        )
+    shapes |= dict.fromkeys(ERRORS, rows)
+    sizes = check_arrays(path, "transfer", arrays, shapes, optional=ERRORS, integers=("faces",))
+    try:
+        bands = bands_of(sizes["k"])
+    except ValueError as error:
+        raise FileError(f"{path} is not a transfer file: {error}; bake it again") from None
+    glossy = {"visibility": (sizes["v"], (2 * bands - 1) ** 2), "matrices": (sizes["v"], sizes["k"], sizes["k"])}
+    check_arrays(path, "transfer", arrays, glossy, optional=GLOSSY)
     faces = arrays["faces"]
     if np.any((faces < 0) | (faces >= sizes["v"])):
         raise FileError(f"{path} is not a whole transfer file: faces name vertices that do not exist; bake it again")
-    estimates = (arrays["coefficients"], arrays.get("standard_error"))
-    mesh = (arrays["vertices"], arrays["normals"], faces.astype(np.int32, copy=False))
-    return Transfer(*estimates, *mesh, metadata, arrays.get("predicted_error"))
