@@ -21,12 +21,19 @@ $(STAMP): pyproject.toml $(wildcard requirements/*.txt)
 demo: $(STAMP)
 	@$(VENV)/bin/gash demo $(if $(MESH),--mesh "$(MESH)") $(if $(LIGHT),--light "$(LIGHT)") -o demo
 
+# the checks of the source beside the tests; what fails does not stop the rest, and is named at the end
 test: $(STAMP)
+	@$(MAKE) --no-print-directory --keep-going --jobs 2 source suite
+
+.PHONY: source suite
+source:
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
-	$(VENV)/bin/pyright
 	$(VENV)/bin/lint-imports
-	$(VENV)/bin/python -m pytest
+	$(VENV)/bin/pyright
+
+suite:
+	$(VENV)/bin/python -m pytest; code=$$?; $(VENV)/bin/python -m pytest -m optimised && exit $$code
 
 # our attention layers against PyTorch Geometric's, live; torch is heavy, so it has an environment of its own
 PEERS := $(VENV)-peers

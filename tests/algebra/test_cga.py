@@ -8,6 +8,8 @@ from kingdon import Algebra
 
 from gash_jax.algebra import cga
 
+pytestmark = pytest.mark.optimised
+
 PRODUCTS = {"*": cga.geometric_product, "^": cga.outer_product, "|": cga.inner_product}
 GRADES = np.array(cga.BLADE_GRADES)
 

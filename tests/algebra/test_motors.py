@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from gash_jax.algebra import cga, motors
 
+pytestmark = pytest.mark.optimised
+
 HALF_UNIT = 2.0**-24
 MOTOR_BLADES = [
     *(cga.SCALAR, cga.E12, cga.E13, cga.E23),

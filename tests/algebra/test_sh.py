@@ -10,6 +10,8 @@ from scipy.special import lpmv, sph_harm_y
 
 from gash_jax.algebra import sh
 
+pytestmark = pytest.mark.optimised
+
 
 def _directions(count=200, seed=0):
     directions = np.random.default_rng(seed).normal(size=(count, 3))

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 from gash_jax.algebra import motors, sh
 from gash_jax.algebra.sh_rotation import rotate_coefficients, sh_rotation_blocks
 
+pytestmark = pytest.mark.optimised
+
 ORDER = [1, 2, 0]  # band 1 is (y, z, x)
 
 

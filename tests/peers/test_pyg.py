@@ -3,7 +3,6 @@
 Needs the extra `peers` (`make peers`); values kept in tests/golden hold the layers to the same numbers without it.
 """
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,10 @@ import pytest
 REASON = "needs PyTorch Geometric: make peers"
 torch: Any = pytest.importorskip("torch", reason=REASON)
 pytest.importorskip("torch_geometric", reason=REASON)
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-import pyg_two_stage  # noqa: E402  # pyright: ignore[reportMissingImports]
 from torch_geometric import nn as pyg  # noqa: E402  # pyright: ignore[reportMissingImports]
 
+from benchmarks import pyg_two_stage  # noqa: E402
 from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
 from gash_jax.models.model import load_model, save_model  # noqa: E402
 from gash_jax.nn.attention import GATv2Conv, TransformerConv  # noqa: E402

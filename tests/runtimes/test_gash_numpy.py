@@ -17,14 +17,10 @@ from gash_jax.models.model import Model, load_model, save_model, shipped_models
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.shapes.procedural import make_shape
+from runtimes import gash_numpy
 from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
 
 ROOT = Path(__file__).parents[2]
-RUNTIME = ROOT / "runtimes" / "gash_numpy.py"
-sys.path.insert(0, str(RUNTIME.parent))
-
-import gash_numpy  # noqa: E402  # pyright: ignore[reportMissingImports]
-
 SMALL: dict[str, Any] = {"channels": 8, "layers": 2, "heads": 2}
 NETS = {
     "mlp": model_config("mlp", channels=16, layers=2),
@@ -127,6 +123,7 @@ def test_only_surfels_predicts_its_error(tmp_path: Path) -> None:
         gash_numpy.predict_with_error(model, *MESHES["odd"])
 
 
+@pytest.mark.optimised
 @pytest.mark.parametrize("name", shipped_models())
 def test_shipped_weights(name: str) -> None:
     model, mesh = load_model(name), MESHES["generated"]
@@ -156,9 +153,11 @@ def test_parts_by_hand() -> None:
 
 
 def test_it_loads_nothing_but_numpy() -> None:
-    code = f"import sys; sys.path.insert(0, {str(RUNTIME.parent)!r}); import gash_numpy; print(*sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "numpy" in out and not {"jax", "flax", "scipy", "gash_jax"} & set(out)
+    code = "import sys, gash_numpy; print(*sys.modules)"
+    folder = Path(gash_numpy.__file__).parent
+    out = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    loaded = set(out.stdout.split())
+    assert "numpy" in loaded and not {"jax", "flax", "scipy", "gash_jax"} & loaded
 
 
 def test_command_line(tmp_path: Path) -> None:
