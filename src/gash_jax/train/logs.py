@@ -51,15 +51,20 @@ class MetricsLog:
         self._events.close()
 
 
-def read_lines(folder: Path) -> list[dict[str, Any]]:
-    """The logged lines of a run, oldest first; a line that an interruption cut, or that is damaged, is left out."""
-    path = folder / LINES
+def whole_lines(path: Path) -> list[dict[str, Any]]:
+    """The JSON objects of a file of lines; a line that an interruption cut, or that is damaged, is left out."""
     lines = []
     for text in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
         try:
             line = json.loads(text)
         except json.JSONDecodeError:
             continue
-        if isinstance(line, dict) and isinstance(line.get("phase"), str) and isinstance(line.get("step"), int):
+        if isinstance(line, dict):
             lines.append(line)
     return lines
+
+
+def read_lines(folder: Path) -> list[dict[str, Any]]:
+    """The logged lines of a run, oldest first, those that are whole."""
+    lines = whole_lines(folder / LINES)
+    return [line for line in lines if isinstance(line.get("phase"), str) and isinstance(line.get("step"), int)]

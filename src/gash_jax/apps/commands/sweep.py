@@ -24,6 +24,7 @@ from gash_jax.files.settings import ConfigError
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import load_model
 from gash_jax.shapes.procedural import make_shape
+from gash_jax.train.logs import whole_lines
 from gash_jax.train.sweep import Run, load_sweep, run_folder
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
@@ -59,16 +60,8 @@ def sweep(sweep_file: Path, output: Path, jobs: int, quiet: bool) -> None:
 
 
 def _read(path: Path) -> list[dict[str, Any]]:
-    """The results so far; a line that an interruption has cut is left out."""
-    lines = []
-    for text in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        if isinstance(line, dict) and "id" in line:
-            lines.append(line)
-    return lines
+    """The results so far."""
+    return [line for line in whole_lines(path) if "id" in line]
 
 
 def _train_missing(missing: Sequence[Run], output: Path, jobs: int, quiet: bool) -> list[str]:
