@@ -33,7 +33,8 @@ source:
 	$(VENV)/bin/pyright
 
 suite:
-	$(VENV)/bin/python -m pytest; code=$$?; $(VENV)/bin/python -m pytest -m optimised && exit $$code
+	$(VENV)/bin/python -m pytest -m "not optimised"; code=$$?; \
+	$(VENV)/bin/python -m pytest -m optimised $$(grep -rl mark.optimised tests --include=test_*.py) && exit $$code
 
 # our attention layers against PyTorch Geometric's, live; torch is heavy, so it has an environment of its own
 PEERS := $(VENV)-peers

@@ -3,7 +3,7 @@
 Most of the suite's time would be compilation. So every worker and every process that a test starts uses the same
 folder of compiled programs, and the compiler skips LLVM's optimiser and its slow code generator for fused loops: the
 programs are the same, the machine code is simpler. Tests marked `optimised` check the numbers that users see; `make
-test` runs them once more, compiled as users compile them (`pytest -m optimised`).
+test` runs them by themselves, compiled as users compile them (`pytest -m optimised`).
 
 $GASH_TEST_CACHE keeps the folder from one session to the next, on one machine.
 """

@@ -39,7 +39,9 @@ def _lines() -> list[dict]:
 
 
 @pytest.mark.slow
-def test_a_sweep_is_finished_in_two_calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_a_sweep_is_finished_in_two_calls_and_survives_failing_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
     monkeypatch.chdir(tmp_path)
     _sweep("[4]")
     first = _lines()
@@ -62,15 +64,9 @@ def test_a_sweep_is_finished_in_two_calls(tmp_path: Path, monkeypatch: pytest.Mo
     assert float(rows[0]["us_per_vertex"]) > 0
     with Image.open("out/pareto.png") as picture:
         assert picture.size[0] > 500
-
-
-@pytest.mark.slow
-def test_a_failing_run_is_named_and_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    _sweep("[4]")
     with pytest.raises(ValueError, match=r"2 of 2 runs failed.*batch_vertices"):
         _sweep("[4]", batch=8)
-    assert len(_lines()) == 2  # those of before
+    assert _lines() == lines
 
 
 def test_more_jobs_than_cores_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

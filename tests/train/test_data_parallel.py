@@ -18,26 +18,52 @@ from tests.helpers.bumpy import random_variables
 SCRIPT = """
 import json, sys
 import jax, numpy as np
+from flax.traverse_util import flatten_dict
 from gash_jax.models.examples import Example
 from gash_jax.models.families import family_of, model_config, model_graph
+from gash_jax.models.model import load_model
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
 from gash_jax.train.config import RunConfig, TrainConfig
+from gash_jax.train.objectives import objectives
 
-train.LOG_EVERY, SIZE = 1, 600
-config = model_config(**json.loads(sys.argv[1]))
-rng, examples = np.random.default_rng(0), []
-for size in (2, 3, 4, 3, 2, 4, 3):
-    mesh = bumpy_sphere(size)
-    labels = rng.normal(0.3, 0.2, (len(mesh.vertices), 9)).astype(np.float32)
-    seen = (rng.random((len(mesh.vertices), 25)) < 0.7).astype(np.float32)
-    examples.append(Example(model_graph(config, mesh), labels, seen))
-run = RunConfig(model=config, train=TrainConfig(steps=6, batch_vertices=SIZE, checkpoint_every=100))
-batch = train._placement(jax.devices())(family_of(config).batches(examples).draw(SIZE, 0, 0, len(jax.devices())))
-devices = {s.device for s in batch.coefficients.addressable_shards} if len(jax.devices()) > 1 else {0}
-path = train.train_model(run, examples, examples[:1], sys.argv[2])
-lines = [json.loads(line) for line in open(sys.argv[2] + "/metrics.jsonl")]
-print(json.dumps({"devices": len(devices), "losses": [line["loss"] for line in lines if "loss" in line]}))
+train.LOG_EVERY, SIZE, ALL = 1, 600, jax.devices()
+rng, meshes = np.random.default_rng(0), [bumpy_sphere(size) for size in (2, 3, 4, 3, 2, 4, 3)]
+labels = [rng.normal(0.3, 0.2, (len(mesh.vertices), 9)).astype(np.float32) for mesh in meshes]
+seen = [(rng.random((len(mesh.vertices), 25)) < 0.7).astype(np.float32) for mesh in meshes]
+
+def steps(run, examples, devices):
+    # two steps of every phase
+    draw, optimizer = family_of(run.model).batches(examples).draw, train.make_optimizer(run.optim)
+    state, losses, place = train.initial_state(run, draw(SIZE, 0, 0, 1)), [], train._placement(devices)
+    params, moments, used = state.params, state.optimizer, set()
+    for objective in objectives(run.model):
+        for step in range(2):
+            batch = place(draw(SIZE, 0, step, len(devices)))
+            used |= {s.device for s in batch.coefficients.addressable_shards} if len(devices) > 1 else set(devices)
+            params, moments, _, measures = train.train_step(
+                params, moments, state.scale, batch, np.float32(1e-3), jax.random.key(0),
+                objective=objective, optimizer=optimizer)
+            losses.append(float(measures["loss"]))
+    return len(used), losses, params
+
+def whole_run(run, examples, devices):
+    # the whole loop, in the folder that is the second argument
+    jax.devices = lambda: devices
+    path = train.train_model(run, examples, examples[:1], f"{sys.argv[2]}/{len(devices)}")
+    lines = [json.loads(line) for line in open(path.parent / "metrics.jsonl")]
+    return len(devices), [line["loss"] for line in lines if "loss" in line], load_model(path).params
+
+found = {}
+for net, options in json.loads(sys.argv[1]).items():
+    config = model_config(**options)
+    examples = [Example(model_graph(config, m), y, v) for m, y, v in zip(meshes, labels, seen)]
+    run = RunConfig(model=config, train=TrainConfig(steps=6, batch_vertices=SIZE, checkpoint_every=100))
+    for count in (4, 1):
+        used, losses, params = (whole_run if net == "mlp" else steps)(run, examples, ALL[:count])
+        weights = {name: np.asarray(leaf).tolist() for name, leaf in flatten_dict(params, sep="/").items()}
+        found[f"{net}/{count}"] = {"used": used, "losses": losses, "weights": weights}
+print(json.dumps(found))
 """
 NETS = {
     "mlp": {"name": "mlp", "channels": 8, "layers": 1},
@@ -50,26 +76,21 @@ NETS = {
 }
 
 
-def _run(net: str, devices: int, folder: str) -> tuple[int, np.ndarray, dict[str, np.ndarray]]:
-    flags = f"--xla_force_host_platform_device_count={devices} --xla_backend_optimization_level=0"
-    command = [sys.executable, "-c", SCRIPT, json.dumps(NETS[net]), folder]
+@pytest.mark.slow
+def test_four_devices_give_the_loss_of_one(tmp_path) -> None:
+    flags = "--xla_force_host_platform_device_count=4 --xla_backend_optimization_level=0"
+    command = [sys.executable, "-c", SCRIPT, json.dumps(NETS), str(tmp_path)]
     done = subprocess.run(command, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
-    said = json.loads(done.stdout.splitlines()[-1])
-    with np.load(f"{folder}/model.npz") as archive:
-        weights = {name: archive[name] for name in archive.files if name != "metadata"}
-    return said["devices"], np.array(said["losses"]), weights
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("net", NETS)
-def test_four_devices_give_the_loss_of_one(net: str, tmp_path) -> None:
-    used, losses, weights = _run(net, 4, str(tmp_path / "four"))
-    alone, single, same = _run(net, 1, str(tmp_path / "one"))
-    assert (used, alone) == (4, 1)
-    np.testing.assert_allclose(losses, single, rtol=1e-5)
-    for name, value in same.items():
-        np.testing.assert_allclose(weights[name], value, atol=1e-4 * max(1, np.abs(value).max()), err_msg=name)
+    found = json.loads(done.stdout.splitlines()[-1])
+    for net in NETS:
+        four, one = found[f"{net}/4"], found[f"{net}/1"]
+        assert (four["used"], one["used"]) == (4, 1), net
+        assert len(one["losses"]) == (6 if net == "mlp" else 2 if net == "rings" else 4)
+        np.testing.assert_allclose(four["losses"], one["losses"], rtol=1e-5, err_msg=net)
+        for name, value in one["weights"].items():
+            limit = 1e-4 * max(1, np.abs(value).max())
+            np.testing.assert_allclose(four["weights"][name], value, atol=limit, err_msg=f"{net} {name}")
 
 
 def _examples() -> list[Example]:

@@ -5,7 +5,8 @@ plus JSON metadata with the full config, so that a runtime without JAX can rebui
 """
 
 import time
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,14 @@ RENAMED = {
 }
 
 
+@cache
+def _compiled(config: ModelConfig) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Prediction, and logits of the visibility, compiled once for all models of equal configs."""
+    module = build_model(config)
+    logits = jax.jit(partial(module.apply, method="visibility_logits"))
+    return jax.jit(partial(family_of(config).predict, module)), logits
+
+
 class Model:
     """`model(graph)` predicts (v, k) coefficients of what `model.graph(mesh)` says of a mesh."""
 
@@ -39,8 +48,7 @@ class Model:
         self.config: Any = config  # that of its family
         self.params, self.metadata = params, metadata or {}
         self.module, self.family = build_model(config), family_of(config)
-        self._apply = jax.jit(partial(self.family.predict, self.module))
-        self._logits = jax.jit(partial(self.module.apply, method="visibility_logits"))
+        self._apply, self._logits = _compiled(config)
 
     def graph(self, mesh: Mesh, seed: int = 0) -> Any:
         """What this model reads of a mesh; `seed` draws the neighbours of a `rings` graph."""

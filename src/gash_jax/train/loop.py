@@ -10,7 +10,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ from gash_jax.files.settings import ConfigError
 from gash_jax.models.examples import Batch, Example
 from gash_jax.models.families import build_model, family_of
 from gash_jax.models.model import save_model
+from gash_jax.nn.config import ModelConfig
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint, save_checkpoint
 from gash_jax.train.config import OptimConfig, RunConfig, TrainConfig, load_config
 from gash_jax.train.logs import MetricsLog
@@ -57,6 +58,7 @@ class TrainState(NamedTuple):
     elapsed: float
 
 
+@cache
 def make_optimizer(config: OptimConfig) -> optax.GradientTransformation:
     """Clipped AdamW; the learning rate is applied by the step, which knows how much of the budget is used."""
     return optax.chain(
@@ -126,10 +128,15 @@ def validate(params: Any, batches: Sequence[Batch], objective: Objective) -> dic
     return {"validation": loss, **objective.measure(output, label, normal)}
 
 
+@cache
+def _initialiser(config: ModelConfig) -> Callable[..., Any]:
+    return jax.jit(build_model(config).init)
+
+
 def initial_state(config: RunConfig, example: Batch) -> TrainState:
     """Fresh parameters from the seed, optimiser of the first phase."""
     inputs = jax.tree.map(lambda leaf: leaf[0], example.inputs)
-    params = jax.jit(build_model(config.model).init)(jax.random.key(config.train.seed), inputs)["params"]
+    params = _initialiser(config.model)(jax.random.key(config.train.seed), inputs)["params"]
     moments, scale = make_optimizer(config.optim).init(params), initial_scale(computes_in_half(config.train.precision))
     return TrainState(params, params, float("inf"), moments, scale, 0, 0, 0.0)
 

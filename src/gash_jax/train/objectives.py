@@ -4,6 +4,7 @@ A phase is validated on all validation vertices at once: its loss, and measures 
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import jax
@@ -83,7 +84,11 @@ def _visibility_measures(output: np.ndarray, labels: np.ndarray, normals: np.nda
 MEASURES = {"coefficients": _coefficient_measures, "visibility": _visibility_measures}
 
 
-def objectives(config: ModelConfig, half: bool = False) -> list[Objective]:
-    """What a network is trained for, in order; shares add up to 1. `half`: the networks compute in float16."""
+@cache
+def objectives(config: ModelConfig, half: bool = False) -> tuple[Objective, ...]:
+    """What a network is trained for, in order; shares add up to 1. `half`: the networks compute in float16.
+
+    The same ones for equal configs, so that what was compiled for one run serves the next of the same process.
+    """
     module = build_model(config)
-    return [Objective(phase, _output(module, phase.method, half)) for phase in family_of(config).phases(config)]
+    return tuple(Objective(phase, _output(module, phase.method, half)) for phase in family_of(config).phases(config))
