@@ -14,7 +14,7 @@ import numpy as np
 from experiments.hard_cases import directions, meshes
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.health import prepare_mesh
-from gash_jax.light.environment import project_light
+from gash_jax.light.environment import project_map
 from gash_jax.light.shading import shade
 
 U = 2.0**-24
@@ -63,7 +63,7 @@ def _mesh(vertices: object, faces: object) -> Callable[[], object]:
 def _pixel(value: float) -> Callable[[], object]:
     image = np.ones((8, 16, 3), np.float32)
     image[3, 5] = value
-    return lambda: project_light(image, 3)
+    return lambda: project_map(image, 3)
 
 
 TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]

@@ -17,7 +17,7 @@ from gash_jax.algebra.directions import orthonormal_frame, spherical_fibonacci
 from gash_jax.algebra.sh import band_index, evaluate_sh, hann_window, lanczos_window
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.graph.mesh_graph import rings_graph
-from gash_jax.light.environment import Light, project_light
+from gash_jax.light.environment import Light, project_map
 from gash_jax.light.layouts import pixel_directions, pixel_solid_angles
 from gash_jax.light.shading import shade
 from gash_jax.prt.bake import bake_transfer
@@ -137,7 +137,7 @@ def bright_pixel(height: int = 64, row: int = 20, column: int = 77) -> tuple[np.
 def energy_of_a_bright_pixel() -> tuple[float, str]:
     """Energy in every band of the projected light against flux² (2l + 1) / 4 pi (addition theorem)."""
     image, _, flux = bright_pixel()
-    light = project_light(image, 10).astype(np.float64)
+    light = project_map(image, 10).astype(np.float64)
     energy = np.bincount(band_index(10), light[:, 0] ** 2)
     exact = flux**2 * (2 * np.arange(10) + 1) / (4 * np.pi)
     return float(np.abs(energy / exact - 1).max()) if np.isfinite(light).all() else float("nan"), SILENT
@@ -150,7 +150,7 @@ def _shadowed(bands: int) -> np.ndarray:
 
 def ringing(bands: int, window: str, shadows: bool) -> tuple[float, str]:
     """Most negative radiance under the bright pixel, as a part of the greatest, on a sphere or a bumpy sphere."""
-    light = Light(project_light(bright_pixel()[0], bands), {})
+    light = Light(project_map(bright_pixel()[0], bands), {})
     taper = WINDOWS[window]
     sphere = np.asarray(unshadowed_transfer(spherical_fibonacci(2000).astype(np.float32), bands))
     radiance = np.asarray(

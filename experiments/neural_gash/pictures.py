@@ -12,7 +12,7 @@ from benchmarks.options import options
 from experiments.neural_gash.evaluate import load_meshes, load_models
 from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
-from gash_jax.light.environment import project_light
+from gash_jax.light.environment import project_map
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
 from gash_jax.measure import metrics
@@ -23,7 +23,7 @@ FULL = 0.3
 
 
 def main(runs: Path, meshes: Path | None, output: Path, quick: bool) -> list[Path]:
-    models, light, written = load_models(runs), project_light(studio_light(), 3), []
+    models, light, written = load_models(runs), project_map(studio_light(), 3), []
     chosen = [f"{name}-long" if f"{name}-long" in models else name for name in ("mlp", "two-stage")] + ["local"]
     for name, read in load_meshes(meshes, quick).items():
         if name not in SHOWN:

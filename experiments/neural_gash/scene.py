@@ -18,7 +18,7 @@ from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.apps.pictures.views import cast_view, shade_view
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.light.environment import load_light, project_light
+from gash_jax.light.environment import load_light, project_map
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
 from gash_jax.measure import metrics
@@ -65,8 +65,8 @@ def scene_lights(folder: Path | None) -> dict[str, np.ndarray]:
     else:
         studio = studio_light()
         bright = np.where(studio > np.quantile(studio, 0.98), 10 * studio, studio)
-        found = {"dark": project_light(np.sqrt(studio), 3), "normal": project_light(studio, 3)}
-        found |= {"bright": project_light(bright, 3)}
+        found = {"dark": project_map(np.sqrt(studio), 3), "normal": project_map(studio, 3)}
+        found |= {"bright": project_map(bright, 3)}
     return {name: np.asarray(light) / np.asarray(light)[0].mean() for name, light in found.items()}
 
 

@@ -14,7 +14,7 @@ from gash_jax.light.environment import (
     Light,
     light_metadata,
     load_light,
-    project_light,
+    project_map,
     rotate_light,
     save_light,
 )
@@ -66,7 +66,7 @@ def test_pixel_convention_by_hand() -> None:
 def test_half_lit_maps_point_to_their_side(rows: slice, columns: slice, k: int, sign: int) -> None:
     image = np.zeros((64, 128, 3))
     image[rows, columns] = 1.0
-    linear = project_light(image, 2)[1:, 0]
+    linear = project_map(image, 2)[1:, 0]
     # the hemisphere's mean direction: sqrt(3 / 4 pi) * pi
     assert linear[k - 1] == pytest.approx(sign * np.sqrt(3 / (4 * np.pi)) * np.pi, rel=1e-3)
     assert np.abs(np.delete(linear, k - 1)).max() < 1e-6
@@ -81,7 +81,7 @@ def test_solid_angles_cover_the_sphere() -> None:
 def test_constant_light_has_one_coefficient_and_an_error_of_second_order() -> None:
     rest = []
     for height in (16, 32, 64):
-        found = project_light(np.ones((height, 2 * height, 3)), 10)
+        found = project_map(np.ones((height, 2 * height, 3)), 10)
         np.testing.assert_allclose(found[0], 2 * np.sqrt(np.pi), rtol=1e-6)
         rest.append(np.abs(found[1:9]).max())
     np.testing.assert_allclose(np.array(rest[:-1]) / rest[1:], 4.0, rtol=0.05)
@@ -94,21 +94,21 @@ def test_a_lit_pixel_is_a_delta_light(bands: int) -> None:
     row, column = 13, 27
     image[row, column] = [1.0, 2.0, 0.5] / pixel_solid_angles(20, 40)[row]
     expected = basis(pixel_directions(20, 40)[row, column : column + 1], bands).T * [1.0, 2.0, 0.5]
-    np.testing.assert_allclose(project_light(image, bands), expected, atol=1e-6)
+    np.testing.assert_allclose(project_map(image, bands), expected, atol=1e-6)
 
 
 def test_band_limited_maps_return_their_coefficients() -> None:
     light = np.random.default_rng(0).normal(size=(16, 3))
-    found = project_light(smooth_map(128, light), 6)
+    found = project_map(smooth_map(128, light), 6)
     np.testing.assert_allclose(found[:16], light, atol=1e-3)
     assert np.abs(found[16:]).max() < 1e-3
 
 
 def test_blocks_of_rows_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     image = np.random.default_rng(1).random((30, 60, 3))
-    whole = project_light(image, 4)
+    whole = project_map(image, 4)
     monkeypatch.setattr("gash_jax.light.environment._BLOCK_PIXELS", 7 * 60)
-    np.testing.assert_allclose(project_light(image, 4), whole, atol=1e-6)
+    np.testing.assert_allclose(project_map(image, 4), whole, atol=1e-6)
 
 
 def test_sums_are_in_float64() -> None:
@@ -118,7 +118,7 @@ def test_sums_are_in_float64() -> None:
     small = image.copy()
     small[360, 700] = 0.0
     flux = float(pixel_solid_angles(724, 1448)[360]) * 1e8 * 0.5 / np.sqrt(np.pi)
-    assert project_light(image, 1)[0, 0] - project_light(small, 1)[0, 0] == pytest.approx(flux, rel=1e-6)
+    assert project_map(image, 1)[0, 0] - project_map(small, 1)[0, 0] == pytest.approx(flux, rel=1e-6)
 
 
 def test_rotating_coefficients_is_rotating_the_map() -> None:
@@ -128,8 +128,8 @@ def test_rotating_coefficients_is_rotating_the_map() -> None:
     turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     image = smooth_map(128, light)
     # +y rotation carries -z towards -x, that is to the left in the map
-    turned = project_light(np.roll(image, -25, axis=1), 4)
-    np.testing.assert_allclose(rotate_light(project_light(image, 4), turn), turned, atol=1e-5)
+    turned = project_map(np.roll(image, -25, axis=1), 4)
+    np.testing.assert_allclose(rotate_light(project_map(image, 4), turn), turned, atol=1e-5)
 
 
 def test_rotated_delta_light_lies_in_the_rotated_direction() -> None:
@@ -145,9 +145,9 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
 
 def test_grace_cathedral_table_is_reproduced() -> None:
     image = 10 * read_hdr(shared_file("hdr/grace_latlong.hdr"))
-    found = rotate_light(project_light(image, 3), np.diag([1.0, -1.0, -1.0]))
+    found = rotate_light(project_map(image, 3), np.diag([1.0, -1.0, -1.0]))
     assert relative(np.asarray(found), table("grace_cathedral")) < 0.0056
-    assert relative(project_light(image, 3), table("grace_cathedral")) > 0.5  # the axes matter
+    assert relative(project_map(image, 3), table("grace_cathedral")) > 0.5  # the axes matter
 
 
 def test_uffizi_table_is_reproduced() -> None:
@@ -157,7 +157,7 @@ def test_uffizi_table_is_reproduced() -> None:
     mirrored = basis(pixel_directions(height, width)[..., ::-1], 3)
     found = np.einsum("hwk,hwc,h->kc", mirrored, image, pixel_solid_angles(height, width))
     assert relative(found[1:], table("uffizi_gallery")[1:]) < 0.0053
-    swap = found_by_reflection(project_light(image, 3))
+    swap = found_by_reflection(project_map(image, 3))
     np.testing.assert_allclose(swap, found, atol=1e-5)
 
 
@@ -231,9 +231,9 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("image", [np.ones((4, 8)), np.ones((4, 8, 1)), np.full((4, 8, 3), np.inf), np.ones((0, 8, 3))])
 def test_bad_maps_are_refused(image: np.ndarray) -> None:
     with pytest.raises(LightError):
-        project_light(image, 3)
+        project_map(image, 3)
 
 
 def test_too_bright_maps_are_refused() -> None:
     with pytest.raises(LightError, match="too bright"):
-        project_light(np.full((4, 8, 3), 1e38), 1)
+        project_map(np.full((4, 8, 3), 1e38), 1)

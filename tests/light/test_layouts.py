@@ -8,7 +8,7 @@ import pytest
 
 from gash_jax.algebra.sh import sh_components
 from gash_jax.formats.hdr import LightError, write_hdr
-from gash_jax.light.environment import load_light, project_light
+from gash_jax.light.environment import load_light, project_map
 from gash_jax.light.layouts import LAYOUTS, layout_of, pixel_rays
 from tests.helpers.shared_data import shared_case
 
@@ -116,7 +116,7 @@ def _drawn(layout: str, shape: tuple[int, int], coefficients: np.ndarray) -> np.
 @pytest.mark.parametrize(("layout", "shape"), EVERY)
 def test_one_light_in_every_layout(layout: str, shape: tuple[int, int]) -> None:
     light = np.random.default_rng(0).normal(size=(9, 3))
-    found = project_light(_drawn(layout, shape, light), 4, layout)
+    found = project_map(_drawn(layout, shape, light), 4, layout)
     np.testing.assert_allclose(found[:9], light, atol=0.01)
     assert np.abs(found[9:]).max() < 0.01
 
@@ -126,9 +126,9 @@ def test_half_a_sky_and_a_constant(layout: str, shape: tuple[int, int]) -> None:
     """L_00 half of 2 sqrt(pi); l = 1 of length sqrt(3 pi) / 2 up, the hemisphere's own."""
     directions, solid_angles = pixel_rays(layout, *shape)
     up = np.repeat((directions[..., 1:2] > 0) & (solid_angles > 0)[..., None], 3, axis=-1).astype(np.float32)
-    sky = project_light(up, 2, layout)[:, 0]
+    sky = project_map(up, 2, layout)[:, 0]
     np.testing.assert_allclose(sky, [np.sqrt(np.pi), np.sqrt(3 * np.pi) / 2, 0, 0], atol=0.05)
-    even = project_light(np.ones((*shape, 3)), 3, layout)[:, 1]
+    even = project_map(np.ones((*shape, 3)), 3, layout)[:, 1]
     np.testing.assert_allclose(even, [2 * np.sqrt(np.pi)] + [0] * 8, atol=2e-3)
 
 
@@ -139,7 +139,7 @@ def test_what_is_certain_is_recognised_with_a_note() -> None:
         image = np.ones((*shape, 3)) * (pixel_rays(layout, *shape).solid_angles > 0)[..., None]
         found, notes = layout_of(image)
         assert found == layout and len(notes) == (layout != "latlong")
-        np.testing.assert_array_equal(project_light(image, 3), project_light(image, 3, layout))
+        np.testing.assert_array_equal(project_map(image, 3), project_map(image, 3, layout))
     cross = np.ones((*WIDE, 3))
     cross[pixel_rays("cross", *WIDE).solid_angles == 0] = 0.7  # the empty squares need not be black
     assert layout_of(cross)[0] == "cross"
@@ -167,7 +167,7 @@ def _sky_square() -> np.ndarray:
 )
 def test_what_is_not_certain_is_refused_naming_the_option(image: np.ndarray) -> None:
     with pytest.raises(LightError, match=r"not twice as wide as high: .* --layout latlong\|angular\|cross\|equal-area"):
-        project_light(image, 3)
+        project_map(image, 3)
     assert layout_of(image, "latlong") == ("latlong", ())  # said so, any shape is read so
 
 
@@ -183,7 +183,7 @@ def test_what_is_not_certain_is_refused_naming_the_option(image: np.ndarray) -> 
 )
 def test_shapes_that_a_named_layout_cannot_have(layout: str, shape: tuple[int, int], words: str) -> None:
     with pytest.raises(LightError, match=words):
-        project_light(np.ones((*shape, 3)), 3, layout)
+        project_map(np.ones((*shape, 3)), 3, layout)
     with pytest.raises(LightError, match=words):
         pixel_rays(layout, *shape)
 
@@ -212,7 +212,7 @@ def test_an_attribute_of_the_file_names_the_layout(tmp_path: Path) -> None:
         header = {"type": OpenEXR.scanlineimage, "envmap": OpenEXR.ENVMAP_LATLONG}
         OpenEXR.File(header, {"RGB": image}).write(str(tmp_path / "map.exr"))
         light = load_light(tmp_path / "map.exr")
-        np.testing.assert_array_equal(light.coefficients, project_light(image, 3, "latlong"))
+        np.testing.assert_array_equal(light.coefficients, project_map(image, 3, "latlong"))
         assert light.metadata["layout"] == "latlong" and "the centre of the picture is +z" in light.metadata["notes"][0]
 
 

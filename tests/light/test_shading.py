@@ -7,7 +7,7 @@ import pytest
 
 from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
 from gash_jax.algebra.sh import hann_window, sh_components
-from gash_jax.light.environment import Light, light_metadata, project_light
+from gash_jax.light.environment import Light, light_metadata, project_map
 from gash_jax.light.shading import shade
 from gash_jax.prt.transfer import Transfer
 
@@ -43,7 +43,7 @@ def test_constant_light_shades_an_open_vertex_to_one(bands: int) -> None:
 
 
 def test_the_map_of_a_constant_light_shades_to_one() -> None:
-    light = project_light(np.ones((128, 256, 3)), 3)
+    light = project_map(np.ones((128, 256, 3)), 3)
     np.testing.assert_allclose(shade(unshadowed_transfer(normals(50), 3), light), 1.0, atol=2e-4)
 
 

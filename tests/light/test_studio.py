@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
-from gash_jax.light.environment import project_light
+from gash_jax.light.environment import project_map
 from gash_jax.light.layouts import pixel_directions
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import KEY, RIM, studio_light
@@ -30,7 +30,7 @@ def test_shape_range_and_lights() -> None:
 
 
 def test_shadows_read_and_nothing_rings_below_zero() -> None:
-    light = project_light(studio_light(), 3)
+    light = project_map(studio_light(), 3)
     n = np.random.default_rng(0).normal(size=(2000, 3))
     n = (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
     n[0] = unit(KEY[0])
@@ -41,7 +41,7 @@ def test_shadows_read_and_nothing_rings_below_zero() -> None:
 
 
 def test_resolution_changes_the_light_little() -> None:
-    coarse, fine = (project_light(studio_light(height), 3) for height in (64, 256))
+    coarse, fine = (project_map(studio_light(height), 3) for height in (64, 256))
     assert np.linalg.norm(coarse - fine) < 0.01 * np.linalg.norm(fine)
     with pytest.raises(ValueError, match="4 or more"):
         studio_light(3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gash_jax.light.environment import project_light
+from gash_jax.light.environment import project_map
 from gash_jax.light.studio import studio_light
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
@@ -49,7 +49,7 @@ def test_bands_by_hand() -> None:
 
 
 def test_light_decides_the_bands() -> None:
-    light = np.asarray(project_light(studio_light(), 10))
+    light = np.asarray(project_map(studio_light(), 10))
     plan = plan_bake(icosphere(2), 0.1, light=light, bands=7)
     needed, held = irradiance_bands(light)
     assert (plan.bands, plan.irradiance_held) == (needed, held) and held >= 0.999

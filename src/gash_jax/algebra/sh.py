@@ -22,13 +22,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from gash_jax.algebra.arguments import whole_number
+
 MAX_BANDS = 10
 
 
-def validate_bands(bands: object) -> None:
-    """Raise ValueError unless bands is an integer from 1 to MAX_BANDS."""
-    if isinstance(bands, bool) or not isinstance(bands, int) or not 1 <= bands <= MAX_BANDS:
-        raise ValueError(f"bands is {bands!r}: use a whole number from 1 to {MAX_BANDS}")
+def validate_bands(bands: object) -> int:
+    """The number of bands as a Python int. Raises ValueError unless it is an integer from 1 to MAX_BANDS."""
+    return whole_number(bands, "bands", 1, MAX_BANDS)
 
 
 def bands_of(count: int) -> int:

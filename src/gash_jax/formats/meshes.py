@@ -1,37 +1,34 @@
-"""Mesh files in, PLY out. Vertex i of a mesh is vertex i of its file: nothing is merged or reordered, ever.
+"""The door for meshes: whatever a public function takes as one comes in here and is checked; PLY goes out.
 
-The world is right-handed with +y up. A file with another up axis is turned by a proper rotation on the way in:
+A mesh is given as a path, as arrays (vertices, faces) or (vertices, faces, normals), as a trimesh.Trimesh or Scene, or
+as a `Mesh`. Vertex i stays vertex i: nothing is merged or reordered, ever.
+
+The world is right-handed with +y up. A mesh with another up axis is turned by a proper rotation on the way in:
 z up (x, y, z) -> (x, z, -y), x up (x, y, z) -> (-y, x, z).
-
-All readers work on whole arrays of bytes or numbers. They are the project's own because the order of vertices and
-the normals of the file must survive, which general loaders do not promise. Formats they do not know are read by one
-(`others`), and the report says so.
 """
 
 import os
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from gash_jax.formats.gltf import read_gltf
-from gash_jax.formats.obj import read_obj
-from gash_jax.formats.off import read_off
-from gash_jax.formats.others import OTHERS, read_other
-from gash_jax.formats.ply import read_ply, write_ply
+from gash_jax.formats.mesh_files import read_mesh_file
+from gash_jax.formats.others import from_trimesh, is_trimesh
+from gash_jax.formats.ply import write_ply
 from gash_jax.formats.raw_mesh import RawMesh
-from gash_jax.formats.stl import read_stl
+from gash_jax.geometry.checks import checked_mesh
 from gash_jax.geometry.health import HealthReport, prepare_mesh
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, transform
 
-READERS: dict[str, Callable[[bytes, Path], RawMesh]] = {
-    ".ply": lambda data, folder: read_ply(data),
-    ".obj": lambda data, folder: read_obj(data),
-    ".stl": lambda data, folder: read_stl(data),
-    ".off": lambda data, folder: read_off(data),
-    ".glb": read_gltf,
-    ".gltf": read_gltf,
-}
+if TYPE_CHECKING:
+    import trimesh
+
+    MeshLike: TypeAlias = (
+        str | os.PathLike[str] | Mesh | trimesh.Trimesh | trimesh.Scene | tuple[Any, Any] | tuple[Any, Any, Any] | list[Any]
+    )
+else:  # naming trimesh's types would import it
+    MeshLike = Any
 
 TO_Y_UP = {
     "x": np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]),
@@ -40,16 +37,33 @@ TO_Y_UP = {
 }
 
 
-def load_mesh(path: str | os.PathLike[str], up: str = "y") -> Mesh:
-    """The mesh in a file, `up` being the file's up axis: "x", "y" or "z". Raises MeshError, one line."""
-    return read_mesh(path, up)[0]
+def as_mesh(source: MeshLike) -> Mesh:
+    """The mesh that a public function was given (module docstring), checked. Raises MeshError, one line."""
+    return checked_mesh(source) if isinstance(source, Mesh) else read_mesh(source)[0]
 
 
-def read_mesh(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, HealthReport]:
+def is_mesh_like(value: object) -> bool:
+    """Whether a value is one of the things that are taken as a mesh; whether it is a good one is for `as_mesh`."""
+    return isinstance(value, str | os.PathLike | Mesh) or type(value) in (tuple, list) or is_trimesh(value)
+
+
+def load_mesh(source: MeshLike, up: str = "y") -> Mesh:
+    """The mesh in a file, or made of arrays; `up` is the axis that points up in it: "x", "y" or "z".
+
+    Raises MeshError, one line that says what to do.
+    """
+    return read_mesh(source, up)[0]
+
+
+def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
     """As `load_mesh`, with the report of what is odd about the mesh."""
     if up not in TO_Y_UP:
         raise MeshError(f"unknown up axis {up!r}: choose one of {', '.join(TO_Y_UP)}")
-    raw = _read(Path(path))
+    if isinstance(source, Mesh):
+        mesh = checked_mesh(source)
+        mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up])
+        return mesh, prepare_mesh(mesh.vertices, mesh.faces, mesh.normals)[1]
+    raw = _raw(source)
     vertices, normals = raw.vertices, raw.normals
     if up != "y":
         with np.errstate(all="ignore"):
@@ -58,38 +72,38 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Health
     try:
         mesh, report = prepare_mesh(vertices, raw.faces, normals)
     except MeshError as error:
-        raise MeshError(f"{os.fspath(path)}: {error}") from None
+        if isinstance(source, str | os.PathLike):
+            raise MeshError(f"{os.fspath(source)}: {error}") from None
+        raise
     return mesh, report._replace(notes=raw.notes + report.notes)
 
 
-def save_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
+def save_mesh(path: str | os.PathLike[str], mesh: MeshLike) -> None:
     """Write a mesh with its normals as binary PLY. Raises MeshError for another extension, FileError if it cannot."""
     if Path(path).suffix.lower() != ".ply":
         raise MeshError(f"{os.fspath(path)}: meshes are written as .ply, choose such a name")
-    write_ply(path, mesh)
+    write_ply(path, as_mesh(mesh))
 
 
-def _read(path: Path) -> RawMesh:
-    """The arrays in a file, or MeshError naming it."""
-    if path.is_dir():
-        raise MeshError(f"{path} is a folder: give a mesh file ({' '.join(READERS)})")
-    suffix = path.suffix.lower()
-    reader = READERS.get(suffix)
-    if reader is None and suffix not in OTHERS:
-        known = f"{' '.join(READERS)} (and by trimesh {' '.join(OTHERS)})"
-        raise MeshError(f"{path}: unknown mesh format {path.suffix!r}, known are {known}")
-    if not path.exists():
-        raise MeshError(f"no such file: {path}")
+def _raw(source: MeshLike) -> RawMesh:
+    """The arrays of a file, of a trimesh object, or as they were given."""
+    if isinstance(source, str | os.PathLike):
+        return read_mesh_file(Path(source))
+    if is_trimesh(source):
+        return from_trimesh(source)
+    if not isinstance(source, tuple | list):
+        raise MeshError(
+            f"a {type(source).__name__} is no mesh: give a path, a Mesh, a trimesh.Trimesh or Scene, "
+            "or arrays (vertices, faces[, normals])"
+        )
+    if len(source) not in (2, 3):
+        raise MeshError(f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them")
+    vertices, faces, *rest = (_array(part, name) for part, name in zip(source, ("vertices", "faces", "normals")))
+    return RawMesh(vertices, faces, rest[0] if rest else None, ())
+
+
+def _array(values: object, name: str) -> np.ndarray:
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise MeshError(f"cannot read {path}: {error.strerror}") from None
-    if not data:
-        raise MeshError(f"{path}: the file is empty, copy or export it again")
-    try:
-        with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
-            return reader(data, path.parent) if reader else read_other(data, suffix)
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, MemoryError, RecursionError):
-        raise MeshError(f"{path}: not a readable {path.suffix[1:].upper()} file, damaged or cut off") from None
+        return np.asarray(values)
+    except (TypeError, ValueError):  # ragged lists; arrays that JAX is tracing
+        raise MeshError(f"{name} are no array of numbers: give a NumPy or JAX array outside of jit, grad and vmap") from None

@@ -1,4 +1,4 @@
-"""Mesh formats without a reader of their own here, read by trimesh in its order of vertices.
+"""Meshes of trimesh, and mesh formats without a reader of their own here, read by it in its order of vertices.
 
 Nothing is merged or reordered (`process=False, maintain_order=True`); the meshes of a scene follow each other, each in
 its place. Normals are left to be computed. trimesh needs another package for most of these formats; it is named where
@@ -6,7 +6,9 @@ it is missing.
 """
 
 import io
+import sys
 import warnings
+from typing import Any
 
 import numpy as np
 
@@ -36,3 +38,22 @@ def read_other(data: bytes, suffix: str) -> RawMesh:
     except Exception:  # whatever the parsers of these formats raise
         raise MeshError(f"trimesh cannot read this {suffix} file: it is damaged, cut off or holds no mesh") from None
     return RawMesh(vertices, faces, None, (f"{suffix} is read by trimesh: vertices in its order, normals computed",))
+
+
+def is_trimesh(value: object) -> bool:
+    """Whether a value is a mesh or a scene of trimesh; does not import it: without it there is none."""
+    trimesh = sys.modules.get("trimesh")
+    return trimesh is not None and isinstance(value, trimesh.Trimesh | trimesh.Scene)
+
+
+def from_trimesh(source: Any) -> RawMesh:
+    """Vertices and faces of a trimesh.Trimesh, or of all meshes in a trimesh.Scene, each in its place.
+
+    Normals are those that the mesh was given or that trimesh has computed already, else they are left to be computed.
+    """
+    import trimesh  # imported already: a value of its own was given
+
+    source = source.to_mesh() if isinstance(source, trimesh.Scene) else source
+    # as trimesh's own exporters ask; `vertex_normals` itself would compute them
+    normals = np.asarray(source.vertex_normals) if "vertex_normals" in source._cache else None
+    return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), normals, ())

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
+from gash_jax.geometry.checks import checked_box, checked_faces, checked_normals, checked_vertices
 from gash_jax.geometry.findings import describe
 from gash_jax.geometry.mesh import Mesh, MeshError, face_areas, face_components, referenced, referenced_by
 from gash_jax.geometry.normals import VertexNormals, vertex_normals
@@ -69,14 +70,11 @@ def prepare_mesh(
     `vertices` (v, 3) of any real type, `faces` (f, 3) integers, `normals` (v, 3) the file's own (non-finite or 0
     where a vertex has none). Raises MeshError where no mesh can be made of them.
     """
-    points = _checked_vertices(vertices)
-    faces = _checked_faces(faces, len(points))
-    if normals is not None and normals.shape != points.shape:
-        raise MeshError(f"normals have shape {normals.shape}, vertices {points.shape}: give one per vertex")
+    points = checked_vertices(vertices)
+    faces = checked_faces(faces, len(points))
+    normals = None if normals is None else checked_normals(normals, len(points))
     used = referenced_by(faces, len(points))
-    low, high = points[used].min(axis=0), points[used].max(axis=0)
-    if not np.any(low.astype(np.float32) != high.astype(np.float32)):
-        raise MeshError("all faces lie in one point: the mesh has no size; check its coordinates and units")
+    low, high = checked_box(points, used)
     local = points - (low + high) / 2
     edges = build_edges(faces, len(points))
     degenerate = has_repeated_index(faces) | (face_areas(local, faces) <= DEGENERATE_AREA * np.sum((high - low) ** 2))
@@ -92,38 +90,6 @@ def prepare_mesh(
     }
     mesh = Mesh(points.astype(np.float32), found.normals.astype(np.float32), faces)
     return mesh, _report(mesh, local[used], where, orientation, found)
-
-
-def _checked_vertices(vertices: np.ndarray) -> Float[np.ndarray, "v 3"]:
-    """Vertices as finite float64 that float32 can hold."""
-    if vertices.size == 0:
-        raise MeshError("the mesh has no vertices: nothing to bake")
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
-        raise MeshError(f"vertices must be real numbers of shape (v, 3), not {vertices.dtype} {vertices.shape}")
-    points = vertices.astype(np.float64)
-    bad = np.any(~(np.abs(points) < np.finfo(np.float32).max), axis=1)
-    if bad.any():
-        raise MeshError(
-            f"{bad.sum()} of {len(points)} vertices are not finite (first: {np.argmax(bad)}): "
-            "repair or remove them in the program that wrote the mesh"
-        )
-    return points
-
-
-def _checked_faces(faces: np.ndarray, vertex_count: int) -> Int[np.ndarray, "f 3"]:
-    """Faces as int32 indices of existing vertices."""
-    if faces.size == 0:
-        raise MeshError("the mesh has no faces: point clouds and curves cannot be baked, give a triangle mesh")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise MeshError(f"faces must be integers of shape (f, 3), not {faces.dtype} {faces.shape}")
-    bad = ((faces < 0) | (faces >= vertex_count)).any(axis=1)
-    if bad.any():
-        worst = faces[np.argmax(bad)].tolist()
-        raise MeshError(
-            f"{bad.sum()} of {len(faces)} faces name a vertex that does not exist (first: face {np.argmax(bad)} "
-            f"{worst}, the mesh has {vertex_count} vertices from 0): export the mesh again"
-        )
-    return faces.astype(np.int32)
 
 
 def _edge_findings(faces: np.ndarray, edges: Edges, vertex_count: int) -> dict[str, np.ndarray]:

@@ -8,12 +8,17 @@ Vertices are float32, but everything is derived in float64 from differences of p
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+
+from gash_jax.algebra.arguments import proper_rotation
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 class MeshError(ValueError):
@@ -26,6 +31,12 @@ class Mesh(NamedTuple):
     vertices: Float[np.ndarray, "v 3"]  # float32
     normals: Float[np.ndarray, "v 3"]  # float32, unit or 0
     faces: Int[np.ndarray, "f 3"]  # int32
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """The same vertices, normals and faces as a trimesh.Trimesh, nothing merged."""
+        import trimesh  # slow to import, and a bake does without
+
+        return trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
 
 
 def referenced(mesh: Mesh) -> Bool[np.ndarray, "v"]:
@@ -115,9 +126,7 @@ def transform(
 
     Raises ValueError unless `rotation` is a proper rotation and `scale` positive: faces keep their winding.
     """
-    matrix = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
-    if not (np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-5) and np.linalg.det(matrix) > 0):
-        raise ValueError("rotation must be a proper rotation matrix: orthogonal with determinant +1")
+    matrix = np.eye(3) if rotation is None else proper_rotation(np.asarray(rotation))
     if not scale > 0:
         raise ValueError(f"scale must be positive, not {scale}")
     shift = 0.0 if translation is None else np.asarray(translation, dtype=np.float64)

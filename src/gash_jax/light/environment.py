@@ -12,11 +12,14 @@ projection of a large map as fast as reading it.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Array, Float, Shaped
+from jax import Array
+from jax.core import Tracer
+from jaxtyping import Float, Shaped
 
+from gash_jax.algebra.arguments import proper_rotation
 from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.containers import Container
@@ -35,26 +38,57 @@ _BLOCK_PIXELS = 1 << 16  # of a map projected at once: memory stays below 60 MiB
 
 @dataclass(frozen=True, eq=False)
 class Light(Container):
-    """SH radiance of an environment and where it comes from; a pytree (see `files.containers`)."""
+    """Radiance of an environment as SH coefficients (k, 3), and where it comes from; a pytree (`files.containers`)."""
 
     coefficients: Float[Any, "k 3"]
-    metadata: Mapping[str, Any]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
     bands: int = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", light_coefficients(self.coefficients))
         self._set(bands_of(len(self.coefficients)))
 
 
-def project_light(
-    image: Shaped[np.ndarray, "..."], bands: int, layout: str | None = None, progress: Progress | None = None
-) -> Float[np.ndarray, "k 3"]:
-    """Radiance coefficients of an environment map (h, w, 3), summed in float64, returned as float32.
+# wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
+LightLike: TypeAlias = Light | Shaped[Array | np.ndarray, "..."]
 
-    `layout` is one of `LAYOUTS`; without it a map twice as wide as high is latlong, and another one is recognised or
-    refused. `progress(done, total)` counts rows. Raises LightError for another shape or values that are not finite,
+
+def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
+    """Coefficients of a light, as the array they are. Raises LightError unless they are (bands^2, 3) real numbers."""
+    if isinstance(light, Light):
+        return light.coefficients
+    found = light if isinstance(light, np.ndarray | Array) else np.asarray(light)
+    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "fiu":
+        raise LightError(
+            f"light has shape {found.shape} {found.dtype}, not (bands^2, 3) real numbers, a column for each of red, "
+            "green and blue: load_light and project_light make such a light"
+        )
+    bands_of(len(found))
+    return found if found.dtype.kind == "f" else found.astype(np.float32)
+
+
+def project_light(image: Shaped[Array | np.ndarray, "..."], bands: int = 3, layout: str | None = None) -> Light:
+    """The light of an environment map (h, w, 3) of linear RGB radiance.
+
+    `layout` is one of "latlong", "angular", "cross", "equal-area"; without it a map twice as wide as high is latlong,
+    and another one is recognised or refused. Raises LightError for another shape or values that are not finite,
     ValueError for bands outside 1 to 10.
     """
-    validate_bands(bands)
+    image = np.asarray(image)
+    coefficients = project_map(image, bands, layout)
+    layout, note = layout_of(image, layout)
+    entries = {"map": list(image.shape[:2]), "layout": layout, "notes": list(note)}
+    return Light(coefficients, light_metadata(validate_bands(bands), **entries))
+
+
+def project_map(
+    image: Shaped[np.ndarray, "..."], bands: int, layout: str | None = None, progress: Progress | None = None
+) -> Float[np.ndarray, "k 3"]:
+    """Radiance coefficients of an environment map as `project_light`, summed in float64, returned as float32.
+
+    `progress(done, total)` counts rows.
+    """
+    bands = validate_bands(bands)
     if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape or image.dtype.kind not in "fiu":
         raise LightError(f"an environment map has shape (height, width, 3), this image {image.shape} {image.dtype}")
     if not np.isfinite(image).all():
@@ -104,8 +138,7 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
     in `metadata["notes"]`. A light file with more bands is cut; with fewer it is refused, as the missing ones are not
     in it. Raises LightError for a map and FileError for an npz that cannot be used.
     """
-    validate_bands(bands)
-    path = Path(path)
+    bands, path = validate_bands(bands), Path(path)
     if path.suffix.lower() == ".npz":
         if layout is not None:
             raise LightError(f"{path} is a light file, which has no layout: leave the layout out")
@@ -116,7 +149,7 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
     try:
         layout, note = layout_of(image, layout or picture.layout)
         later = progress and (lambda done, total: progress(total + done, 2 * total))
-        coefficients = project_light(image, bands, layout, later)
+        coefficients = project_map(image, bands, layout, later)
     except LightError as error:
         raise LightError(f"{path}: {error}") from None
     notes = [*picture.notes, *note]
@@ -135,11 +168,16 @@ def light_metadata(bands: int, **entries: Any) -> dict[str, Any]:
     return {"format": FORMAT, "version": FORMAT_VERSION, "bands": bands, "conventions": CONVENTIONS, **entries}
 
 
-def rotate_light(
-    coefficients: Float[Array | np.ndarray, "k 3"], rotation: Float[Array | np.ndarray, "3 3"]
-) -> Float[Array, "k 3"]:
-    """Coefficients of the environment turned by the rotation: what came from w comes from R w."""
-    return rotate_coefficients(coefficients.T, rotation).T
+def rotate_light(light: LightLike, rotation: Shaped[Array | np.ndarray, "..."]) -> Light | Float[Array, "k 3"]:
+    """The environment turned by a rotation matrix R (3, 3): what came from w comes from R w.
+
+    A `Light` for a `Light`, an array for an array; works under jit, vmap and grad. Raises ValueError for what is no
+    proper rotation.
+    """
+    if not isinstance(rotation, Tracer):  # its numbers cannot be looked at
+        rotation = proper_rotation(np.asarray(rotation)).astype(np.float32)
+    turned = rotate_coefficients(light_coefficients(light).T, rotation).T
+    return light._replace(coefficients=turned) if isinstance(light, Light) else turned
 
 
 def _load_light_file(path: Path, bands: int) -> Light:

@@ -18,8 +18,9 @@ import time
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.algebra.sh import band_index, bands_of
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.sh import band_index, bands_of, validate_bands
+from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.tracing import ProgressFn, active_rows, trace_rows
@@ -31,10 +32,9 @@ MAX_RAYS = 1 << 20
 
 def choose_replicates(rays: int, replicates: int | None) -> int:
     """4 unless told otherwise; fewer than 16 rays are not worth splitting. Raises ValueError on what does not fit."""
-    if not 1 <= rays <= MAX_RAYS:
-        raise ValueError(f"rays must be from 1 to {MAX_RAYS}, not {rays}")
-    count = (4 if rays >= 16 else 1) if replicates is None else replicates
-    if not 1 <= count <= rays:
+    rays = whole_number(rays, "rays", 1, MAX_RAYS)
+    count = (4 if rays >= 16 else 1) if replicates is None else whole_number(replicates, "replicates", 1)
+    if count > rays:
         raise ValueError(f"replicates must be from 1 to rays ({rays}), not {count}")
     if rays % count:
         lower = rays // count * count
@@ -87,7 +87,7 @@ def _range_of(rows: slice | None, count: int) -> tuple[int, int]:
 
 
 def bake_transfer(
-    mesh: Mesh,
+    mesh: MeshLike,
     bands: int = 3,
     rays: int = 256,
     *,
@@ -100,14 +100,15 @@ def bake_transfer(
 ) -> Transfer:
     """Bake shadowed diffuse transfer with `rays` rays per vertex.
 
-    `replicates=1` is the plain bake (one rotation, no blending, no standard error); `None` means 4, or 1 below 16
+    `mesh` is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. `replicates=1` is the plain bake (one rotation, no blending, no standard error); `None` means 4, or 1 below 16
     rays. `frames` (columns tangent, bitangent, normal; in place of a choice by the normal alone) carries the rays
     along with a mesh that is turned. `rows=slice(a, b)` bakes vertices a .. b - 1 alone, in the shadow of the whole
     mesh, and returns them as points without faces: to the last bit those of the whole bake. `progress(done, total)` is
     called with counts of vertices, from worker threads. Vertices without a usable normal get transfer 0. Raises
     ValueError for options out of range.
     """
-    integrand, count = direct(bands), choose_replicates(rays, replicates)
+    mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
+    integrand, count, rays = direct(bands), choose_replicates(rays, replicates), int(rays)
     first, last = _range_of(rows, len(mesh.vertices))
     started = time.perf_counter()
     geometry = trace_geometry(mesh)

@@ -24,8 +24,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from gash_jax.algebra.arguments import whole_number
 from gash_jax.algebra.sh import validate_bands
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
 from gash_jax.prt.bake import free_and_dark, standard_error_floor
 from gash_jax.prt.integrands import direct, to_world
@@ -56,8 +57,8 @@ class State(NamedTuple):
 
 def check_error(error: float) -> None:
     """Raise ValueError for an error that no bake should aim at."""
-    if not LOWEST_ERROR <= error <= HIGHEST_ERROR:
-        raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error:g}")
+    if not (isinstance(error, float | int | np.floating) and LOWEST_ERROR <= error <= HIGHEST_ERROR):
+        raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error}")
 
 
 def kappa(rays: Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
@@ -116,7 +117,7 @@ def standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: in
 
 
 def bake_to_error(
-    mesh: Mesh,
+    mesh: MeshLike,
     error: float,
     bands: int = 3,
     *,
@@ -131,8 +132,9 @@ def bake_to_error(
     `estimated_error` is what the bake believes it reached. `progress(done, total)` counts rays, the total as
     expected so far. Vertices stop at 2^15 rays each. Raises ValueError for options out of range.
     """
-    validate_bands(bands)
+    mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)
+    error = float(error)
     started = time.perf_counter()
     geometry = trace_geometry(mesh)
     visible = visibility(geometry.vertices, geometry.faces, backend)

@@ -10,7 +10,8 @@ from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.npz import write_npz
 from gash_jax.files.settings import ConfigError
-from gash_jax.formats.meshes import READERS, load_mesh
+from gash_jax.formats.mesh_files import READERS
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.examples import Item
 from gash_jax.prt.bake import bake_transfer
