@@ -13,7 +13,8 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax import Array
+from jaxtyping import Float, Shaped
 
 from gash_jax.algebra.sh import band_index, evaluate_sh, validate_bands
 
@@ -60,9 +61,13 @@ def zero_without_normal(
     return jnp.where(jnp.any(jnp.asarray(normals) != 0, axis=-1, keepdims=True), coefficients, 0.0)
 
 
-def unshadowed_transfer(normals: Float[Array | np.ndarray, "v 3"], bands: int) -> Float[Array, "v k"]:
-    """Exact transfer without shadows, A_l Y_k(n) / pi; a vertex whose normal is zero has transfer 0."""
-    validate_bands(bands)
-    normals = jnp.asarray(normals)
+def unshadowed_transfer(normals: Shaped[Array | np.ndarray, "..."], bands: int = 3) -> Float[Array, "v k"]:
+    """Exact transfer without shadows, A_l Y_k(n) / pi, of unit normals (v, 3); 0 where a normal is 0.
+
+    Works under jit, vmap and grad. Raises ValueError for another shape and for bands outside 1 to 10.
+    """
+    bands, normals = validate_bands(bands), jnp.asarray(normals)
+    if normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":
+        raise ValueError(f"normals have shape {normals.shape} {normals.dtype}: give (v, 3) unit vectors")
     factors = jnp.asarray(clamped_cosine_coefficients(bands) / np.pi, jnp.float32)
     return zero_without_normal(evaluate_sh(normals, bands) * factors[None], normals)

@@ -8,27 +8,31 @@ bright lights; they act here, never in files.
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax import Array
+from jaxtyping import Float, Shaped
 
-from gash_jax.light.environment import Light
-from gash_jax.prt.transfer import Transfer
+from gash_jax.light.environment import LightLike, light_coefficients
+from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
 
 def shade(
-    transfer: Transfer | Float[Array | np.ndarray, "v k"] | Float[Array | np.ndarray, "v k 3"],
-    light: Light | Float[Array | np.ndarray, "j 3"],
-    albedo: Float[Array | np.ndarray, "*v 3"] | None = None,
-    window: Float[Array | np.ndarray, " k"] | None = None,
+    transfer: TransferLike,
+    light: LightLike,
+    albedo: Shaped[Array | np.ndarray, "..."] | None = None,
+    window: Shaped[Array | np.ndarray, "..."] | None = None,
 ) -> Float[Array, "v 3"]:
     """Linear radiance leaving each vertex; works under jit, vmap and grad.
 
-    A light with more bands than the transfer is cut to the bands of the transfer. `albedo` is one colour (3,) or one
-    per vertex (v, 3), white if None; `window` one factor per transfer coefficient. Raises ValueError if the light has
-    fewer bands than the transfer: project it again with as many.
+    `transfer` is a Transfer or coefficients (v, k) or (v, k, 3), `light` a Light or coefficients (j, 3); a light with
+    more bands than the transfer is cut to those of the transfer. `albedo` is one colour (3,) or one per vertex (v, 3),
+    white if None; `window` one factor per transfer coefficient (k,). Raises ValueError for other shapes, and if the
+    light has fewer bands than the transfer: project it again with as many.
     """
-    coefficients = jnp.asarray(transfer.coefficients if isinstance(transfer, Transfer) else transfer)
-    radiance = jnp.asarray(light.coefficients if isinstance(light, Light) else light)
+    coefficients = jnp.asarray(transfer_coefficients(transfer))
+    radiance = jnp.asarray(light_coefficients(light))
     count = coefficients.shape[1]
+    _check_shape("albedo", albedo, [(3,), (len(coefficients), 3)])
+    _check_shape("window", window, [(count,)])
     if radiance.shape[0] < count:
         raise ValueError(
             f"the light has {radiance.shape[0]} coefficients, the transfer {count}: "
@@ -44,3 +48,8 @@ def shade(
     if albedo is None:
         return leaving
     return leaving * jnp.broadcast_to(jnp.asarray(albedo), leaving.shape)
+
+
+def _check_shape(name: str, value: Shaped[Array | np.ndarray, "..."] | None, shapes: list[tuple[int, ...]]) -> None:
+    if value is not None and np.shape(value) not in shapes:
+        raise ValueError(f"{name} has shape {np.shape(value)}: give {' or '.join(map(str, shapes))}")

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
@@ -39,13 +39,14 @@ def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]
     return safe_normalize(sums)
 
 
-def deforming_predictor(model: Model, mesh: Mesh) -> DeformingFn:
+def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     """A compiled function of the positions of all vertices, in the file's units.
 
     Raises ValueError for a model other than `local`.
     """
     if not isinstance(model.config, SurfelConfig):
         raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
+    mesh = as_mesh(mesh)
     positions, center, unit = normalised(mesh)
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
     slot = node_slots(plan.blocks, len(positions))

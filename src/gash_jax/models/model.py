@@ -16,10 +16,11 @@ import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 from jax.core import Tracer
 
+from gash_jax.algebra.arguments import whole_number
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.files.settings import ConfigError
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.formats.meshes import MeshLike, as_mesh, is_mesh_like
 from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
@@ -42,7 +43,11 @@ def _compiled(config: ModelConfig) -> tuple[Callable[..., Any], Callable[..., An
 
 
 class Model:
-    """`model(graph)` predicts (v, k) coefficients of what `model.graph(mesh)` says of a mesh."""
+    """A trained network: `model(mesh)` predicts (v, k) coefficients, as `model(model.graph(mesh))` does in two steps.
+
+    A mesh is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. The graph is what a JAX function
+    takes: under jit, grad and vmap give that one. `params` is the tree of the weights.
+    """
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
         self.config: Any = config  # that of its family
@@ -50,13 +55,13 @@ class Model:
         self.module, self.family = build_model(config), family_of(config)
         self._apply, self._logits = _compiled(config)
 
-    def graph(self, mesh: Mesh, seed: int = 0) -> Any:
+    def graph(self, mesh: MeshLike, seed: int = 0) -> Any:
         """What this model reads of a mesh; `seed` draws the neighbours of a `rings` graph."""
-        return model_graph(self.config, mesh, seed)
+        return model_graph(self.config, as_mesh(mesh), whole_number(seed, "seed", 0))
 
     def __call__(self, graph: Any) -> jax.Array:
-        """Coefficients of every vertex, "v k", in the order of the mesh."""
-        return self.with_error(graph)[0]
+        """Coefficients of every vertex, "v k", in the order of the mesh; of a graph, or of a mesh itself."""
+        return self.with_error(self.graph(graph) if is_mesh_like(graph) else graph)[0]
 
     def with_error(self, graph: Any, params: Any = None) -> tuple[jax.Array, jax.Array | None]:
         """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k".
@@ -83,8 +88,9 @@ class Model:
             raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
         return self._logits({"params": self.params}, graph)
 
-    def predict(self, mesh: Mesh, seed: int = 0) -> Transfer:
+    def predict(self, mesh: MeshLike, seed: int = 0) -> Transfer:
         """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
+        mesh, seed = as_mesh(mesh), whole_number(seed, "seed", 0)
         started = time.perf_counter()
         graph = self.graph(mesh, seed)
         built = time.perf_counter()
@@ -99,11 +105,7 @@ class Model:
         metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
         coefficients = np.where(usable, np.asarray(coefficients, np.float32), np.float32(0))
         predicted = None if error is None else np.where(usable, np.asarray(error, np.float32), np.float32(0))
-        return Transfer(coefficients, None, *_mesh_arrays(mesh), metadata, predicted)
-
-
-def _mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return mesh.vertices, mesh.normals, mesh.faces
+        return Transfer(coefficients, None, *mesh, metadata, predicted)
 
 
 def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:

@@ -10,16 +10,20 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float, Int
+from jax import Array
+from jaxtyping import Float, Int, Shaped
 
 from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
 from gash_jax.files.containers import Container, array_names
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
+
+if TYPE_CHECKING:
+    import trimesh
 
 FORMAT, FORMAT_VERSION = "gash-transfer", 1
 CONVENTIONS = (
@@ -58,6 +62,33 @@ class Transfer(Container):
     def mesh(self) -> Mesh:
         """The mesh that was baked."""
         return Mesh(self.vertices, self.normals, self.faces)
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """The mesh as a trimesh.Trimesh with the arrays "v ..." of the transfer as its vertex attributes, by name."""
+        surface = self.mesh.to_trimesh()
+        for name in ("coefficients", *ERRORS, *GLOSSY):
+            if getattr(self, name) is not None:
+                surface.vertex_attributes[name] = np.asarray(getattr(self, name))
+        return surface
+
+
+# wherever coefficients go in: the container, or the plain array of NumPy or JAX
+TransferLike: TypeAlias = Transfer | Shaped[Array | np.ndarray, "..."]
+
+
+def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "v k"] | Float[Any, "v k 3"]:
+    """Coefficients of a transfer, as the array they are. Raises ValueError unless they are (v, bands^2) or with a last
+    axis of 3 for red, green and blue, and real numbers."""
+    if isinstance(transfer, Transfer):
+        return transfer.coefficients
+    found = transfer if isinstance(transfer, np.ndarray | Array) else np.asarray(transfer)
+    if found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or found.dtype.kind not in "fiu":
+        raise ValueError(
+            f"transfer has shape {found.shape} {found.dtype}, not (vertices, bands^2) or (vertices, bands^2, 3) of real "
+            "numbers: give what a bake or a model returns"
+        )
+    bands_of(found.shape[1])
+    return found
 
 
 @cache
