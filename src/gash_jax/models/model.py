@@ -16,10 +16,11 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from jax.core import Tracer
 
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.files.settings import ConfigError
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
+from gash_jax.models.parameter_shapes import parameter_shapes
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
@@ -112,7 +113,10 @@ def shipped_models() -> dict[str, Path]:
 
 
 def load_model(name: str | Path) -> Model:
-    """Load weights that ship with the package by name, or a model file by path. Raises FileError."""
+    """Load weights that ship with the package by name, or a model file by path.
+
+    Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+    """
     shipped = shipped_models()
     if str(name) not in shipped and not Path(name).exists():
         known = ", ".join(shipped) or "none"
@@ -126,4 +130,8 @@ def load_model(name: str | Path) -> Model:
     except ConfigError as error:
         raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
     arrays = {RENAMED.get(name, name): array for name, array in arrays.items()}
+    shapes = parameter_shapes(config)
+    check_arrays(path, "model", arrays, shapes)
+    if unknown := sorted(arrays.keys() - shapes.keys()):
+        raise FileError(f"{path} is not a model file: its network has no array {unknown[0]!r}; write it again")
     return Model(config, unflatten_dict(arrays, sep="/"), metadata)
