@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gash_jax.formats.gltf import read_gltf
+from gash_jax.formats.gltf_document import named_files
 from gash_jax.formats.obj import read_obj
 from gash_jax.formats.off import read_off
 from gash_jax.formats.others import OTHERS, read_other
@@ -60,6 +61,14 @@ def read_mesh(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, Health
     except MeshError as error:
         raise MeshError(f"{os.fspath(path)}: {error}") from None
     return mesh, report._replace(notes=raw.notes + report.notes)
+
+
+def mesh_files(path: str | os.PathLike[str]) -> list[Path]:
+    """The mesh file and those that it names: a .gltf keeps its data and pictures beside itself."""
+    path = Path(path)
+    if READERS.get(path.suffix.lower()) is not read_gltf or not path.is_file():
+        return [path]
+    return [path, *named_files(path.read_bytes(), path.parent)]
 
 
 def save_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:

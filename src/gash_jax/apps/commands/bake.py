@@ -22,7 +22,7 @@ from gash_jax.apps.options import (
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.files.atomic import check_writable
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
 from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
@@ -70,7 +70,7 @@ def bake(
     if to_error and (rays is not None or replicates is not None):
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
     check_layout(layout, light_path)
-    check_writable(output, [mesh, light_path])
+    check_writable(output, [*mesh_files(mesh), light_path])
     error, rays = 0.02 if error is None else error, 256 if rays is None else rays
     if to_error:
         check_error(error)
