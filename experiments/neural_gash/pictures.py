@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.options import options
 from experiments.neural_gash.evaluate import load_meshes, load_models
-from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
+from gash_jax.apps.pictures.montage import montage, signed_colors, write_picture
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.light.environment import project_map
 from gash_jax.light.shading import shade
@@ -45,7 +45,7 @@ def main(runs: Path, meshes: Path | None, output: Path, quick: bool) -> list[Pat
                 wrong = (images[method][0] - images["reference"][0]).mean(-1) * exposure
                 panels.append((f"{method} - reference\nfull colour at {FULL}", signed_colors(wrong, FULL)))
         path = output / f"{name.replace(' ', '_')}.png"
-        write_png(path, montage(panels, columns=6))
+        write_picture(path, montage(panels, columns=6))
         written.append(path)
     return written
 

@@ -44,8 +44,8 @@ def test_auto_follows_its_plan_and_the_light_decides_the_bands(folder: Path, cap
     run("bake", "bumpy.ply", "-o", "t.npz", "--auto", "--light", "studio.hdr", "--error", "0.05", "--quiet")
     baked = load_transfer(folder / "t.npz")
     assert baked.bands == plan["bands"] == baked.metadata["plan"]["bands"]
-    assert plan["irradiance_held"] >= 0.999
-    assert "irradiance" in baked.metadata["modelled"]["bands"]
+    assert 0 < plan["radiance_left_out"] <= 0.05
+    assert f"leave out at most {plan['radiance_left_out']:.2%} of the radiance" in baked.metadata["modelled"]["bands"]
     assert plan["rays_total"] == pytest.approx(baked.metadata["rays_total"], rel=1 / 3)
     size = (folder / "t.npz").stat().st_size
     assert plan["bytes"] <= size <= plan["bytes"] + 16384

@@ -12,6 +12,7 @@ from gash_jax.files.npz import write_npz
 from gash_jax.formats.hdr import write_hdr
 from gash_jax.formats.meshes import save_mesh
 from gash_jax.light.studio import studio_light
+from gash_jax.prt.transfer import load_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere
 
 
@@ -72,6 +73,26 @@ def test_compare_prints_the_contract_keys(folder: Path, capsys: pytest.CaptureFi
     assert 0 < values["relrmse"] < 0.2
     run(folder, "compare", "bumpy.npz", "reference.npz")
     assert "equivalent_rays" in capsys.readouterr().out
+
+
+def test_a_bake_to_an_error_is_a_reference_where_it_is_much_better(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    for name, error in (("fine.npz", "0.005"), ("coarse.npz", "0.05")):
+        run(folder, "bake", "bumpy.ply", "-o", name, "--error", error, "--quiet")
+    run(folder, "bake", "bumpy.ply", "-o", "rough.npz", "--rays", "16", "--quiet")
+    capsys.readouterr()
+    run(folder, "compare", "rough.npz", "fine.npz", "--json")
+    said = capsys.readouterr()
+    values = json.loads(said.out)
+    assert said.err == "" and values["reference_error"] <= 0.005
+    spent = load_transfer(folder / "fine.npz")
+    assert values["reference_rays"] == pytest.approx(spent.metadata["rays_total"] / len(spent.vertices), abs=1)
+    assert 4 < values["equivalent_rays"] < 64
+    run(folder, "compare", "bumpy.npz", "coarse.npz")
+    said = capsys.readouterr()
+    assert said.err.startswith("warning: coarse.npz states a relative error of ") and said.err.count("\n") == 1
+    assert f"{load_transfer(folder / 'coarse.npz').metadata['estimated_error']:.4g}" in said.err
+    assert "more than a quarter of the relrmse" in said.err
+    assert "relrmse" in said.out
 
 
 def test_info_tells_every_kind_of_file(folder: Path, capsys: pytest.CaptureFixture) -> None:
@@ -161,6 +182,10 @@ BAD_CALLS = {
     "truncated hdr": ("light cut.hdr -o l2.npz", "truncated"),
     "text as hdr": ("light text.hdr -o l2.npz", "error"),
     "missing light": ("render bumpy.npz --light no.hdr -o x.png", "no such file"),
+    "picture of another kind": (
+        "render bumpy.npz --light no.hdr -o x.gif",
+        "pictures are written as .png, .jpg, .jpeg",
+    ),
     "rays 0": ("bake bumpy.ply -o x.npz --rays 0", "--rays"),
     "bands 99": ("bake bumpy.ply -o x.npz --bands 99", "--bands"),
     "replicates": ("bake bumpy.ply -o x.npz --rays 250", "use 248 or 252"),

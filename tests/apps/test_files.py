@@ -1,5 +1,6 @@
 """Files on the command line: an output is never an input, a map's layout is named or certain, notes are told."""
 
+import json
 from pathlib import Path
 
 import click
@@ -11,7 +12,7 @@ from gash_jax.apps.cli import gash
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.formats.hdr import LightError, write_hdr
-from gash_jax.formats.meshes import save_mesh
+from gash_jax.formats.meshes import mesh_files, save_mesh
 from gash_jax.light.environment import load_light
 from gash_jax.light.layouts import pixel_rays
 from gash_jax.models.model import shipped_models
@@ -68,6 +69,27 @@ def test_an_output_named_like_an_input_is_refused(made: Path, command: str, sour
         with pytest.raises(FileError, match="it is the input .*, give the output another name"):
             _run(made, *command.split(), "-o", name)
     assert (made / source).read_bytes() == before and link.is_symlink()
+
+
+@pytest.mark.parametrize("command", ["bake", "predict", "bench", "evaluate weights.npz"])
+def test_what_a_mesh_names_is_an_input(made: Path, command: str) -> None:
+    """A .gltf keeps its corners, and its pictures, in files of their own."""
+    for name in ("scene data.bin", "skin.png"):
+        (made / name).write_bytes(b"kept")
+    document = {"buffers": [{"uri": "scene%20data.bin", "byteLength": 4}, {"uri": "data:,x", "byteLength": 1}]}
+    (made / "scene.gltf").write_text(json.dumps({**document, "images": [{"uri": "skin.png"}, {"bufferView": 0}]}))
+    for name in ("scene data.bin", "skin.png", "scene.gltf"):
+        before = (made / name).read_bytes()
+        with pytest.raises(FileError, match="it is the input .*, give the output another name"):
+            _run(made, *command.split(), "scene.gltf", "-o", name)
+        assert (made / name).read_bytes() == before
+
+
+def test_damaged_scenes_name_no_files(made: Path) -> None:
+    for text in (b"", b"{", b"[1]", b'{"buffers": [3]}', b'{"buffers": [{"uri": 3}]}', b"glTF\1\0\0\0", b"\xff\xfe{"):
+        (made / "cut.gltf").write_bytes(text)
+        assert mesh_files(made / "cut.gltf") == [made / "cut.gltf"]
+    assert mesh_files(made / "absent.gltf") == [made / "absent.gltf"]
 
 
 def test_outputs_that_are_no_files_are_refused(made: Path) -> None:

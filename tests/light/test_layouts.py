@@ -8,6 +8,7 @@ import pytest
 
 from gash_jax.algebra.sh import sh_components
 from gash_jax.formats.hdr import LightError, write_hdr
+from gash_jax.formats.maps import read_map
 from gash_jax.light.environment import load_light, project_map
 from gash_jax.light.layouts import LAYOUTS, layout_of, pixel_rays
 from tests.helpers.shared_data import shared_case
@@ -231,12 +232,32 @@ def test_the_angular_case(layout: str | None) -> None:
 
 
 def test_the_equal_area_case() -> None:
-    """Half the sphere at 1, in pixels of 1/4096: L_00 to one row of them."""
-    found = load_light(shared_case("equalarea_sky.exr"), 3, "equal-area").coefficients
-    np.testing.assert_allclose(found[0], 1.7725, atol=0.06)
+    """Half the sphere at 1 has L_00 = sqrt(pi) = 1.7725; this file holds 1.7171, to the last pixel.
+
+    The horizon |u| + |v| = 1 goes through the centres of two pixels of each of the 64 rows, and the file has all 128
+    dark: 1984 of 4096 equal pixels are lit, and L_00 = 2 sqrt(pi) 1984 / 4096. Half lit they would give 1.7725. Light
+    at the horizon adds nothing to the norm of l = 1, 1.535.
+    """
+    path = shared_case("equalarea_sky.exr")
+    image, directions = read_map(path).radiance[..., 0].copy(), pixel_rays("equal-area", 64, 64).directions
+    horizon = directions[..., 1] == 0
+    assert horizon.sum() == 128 and not image[horizon].any() and image[directions[..., 1] > 0].all()
+    found = load_light(path, 3, "equal-area").coefficients
+    np.testing.assert_allclose(found[0], 2 * np.sqrt(np.pi) * 1984 / 4096, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(found[1:4], axis=0), 1.535, atol=0.003)
+    image[horizon] = 0.5
+    half = project_light(np.repeat(image[..., None], 3, axis=-1), 3, "equal-area")
+    np.testing.assert_allclose(half[0], np.sqrt(np.pi), rtol=1e-6)
+    np.testing.assert_allclose(half[1:4], found[1:4], atol=1e-6)
     with pytest.raises(LightError, match="--layout"):
-        load_light(shared_case("equalarea_sky.exr"))
+        load_light(path)
+
+
+def test_a_square_of_few_pixels_is_not_called_angular() -> None:
+    """No pixel of 8 x 8 lies outside the disk by more than itself: black corners cannot be seen."""
+    for size in (1, 2, 4, 8):
+        with pytest.raises(LightError, match="--layout"):
+            layout_of(np.ones((size, size, 3), np.float32))
 
 
 def test_the_latlong_case_is_noted_and_not_turned() -> None:

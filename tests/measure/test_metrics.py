@@ -64,6 +64,30 @@ def test_equivalent_rays_interpolates_in_log_log() -> None:
     assert metrics.equivalent_rays(10**-2.5, curve) == pytest.approx(8.0)
     assert metrics.equivalent_rays(2e-2, curve) == "< 4"
     assert metrics.equivalent_rays(1e-5, curve) == ">= 64"
+    assert metrics.equivalent_rays(1e-4, curve) == pytest.approx(64.0)
+    assert metrics.equivalent_rays(1e-2, curve) == pytest.approx(4.0)
+
+
+def test_equivalent_rays_where_more_rays_do_not_help() -> None:
+    """Ties, and points that are worse than the one before: the fewest rays with that MSE."""
+    curve = {4: 1e-2, 8: 1e-3, 16: 1e-3, 32: 2e-3, 64: 1e-5}
+    assert metrics.equivalent_rays(1e-3, curve) == 8.0
+    assert metrics.equivalent_rays(0.9e-3, curve) == pytest.approx(32.0, rel=0.03)  # just below the plateau
+    assert metrics.equivalent_rays(1e-4, curve) == pytest.approx(32 * 2**0.5)
+    flat = {4: 1e-3, 8: 1e-3, 16: 1e-3}
+    assert metrics.equivalent_rays(1e-3, flat) == 4.0
+    assert metrics.equivalent_rays(1e-4, flat) == ">= 16"
+
+
+def test_equivalent_rays_where_the_bake_is_exact() -> None:
+    """A convex body in one band: every ray is free."""
+    exact = {4: 0.0, 8: 0.0, 16: 0.0}
+    assert metrics.equivalent_rays(0.0, exact) == 4.0
+    assert metrics.equivalent_rays(1e-9, exact) == "< 4"
+    late = {4: 1e-2, 8: 1e-3, 16: 0.0, 32: 0.0}
+    assert metrics.equivalent_rays(0.0, late) == 16.0
+    assert metrics.equivalent_rays(1e-6, late) == 8.0
+    assert metrics.equivalent_rays(0.0, {4: 1e-2, 8: 1e-3}) == ">= 8"
 
 
 def test_plain_bake_is_worth_its_own_rays() -> None:

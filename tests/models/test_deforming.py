@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import angle_weighted_normals
-from gash_jax.models.deforming import deforming_predictor, vertex_normals
+from gash_jax.models.deforming import carried_normals, deforming_predictor, normals_of_pose, vertex_normals
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.model import Model
 from gash_jax.shapes.primitives import bumpy_sphere
-from tests.helpers.bumpy import random_variables
+from tests.helpers.bumpy import random_rotation, random_variables
 
 MESH = bumpy_sphere(9)
+TILT = MESH.normals + 0.4 * np.sin(5 * MESH.vertices[:, [2, 0, 1]])
+SMOOTH = MESH._replace(normals=(TILT / np.linalg.norm(TILT, axis=1, keepdims=True)).astype(np.float32))
 CONFIG = model_config("local", channels=8, layers=1, neighbours=24)
 
 
@@ -74,3 +76,42 @@ def test_gradients_by_positions_are_finite_and_those_of_differences(model: Model
     motion, step = jnp.asarray(np.sin(3 * MESH.vertices[:, [1, 2, 0]])), 5e-5
     slope = float(loss(place + step * motion)[0] - loss(place - step * motion)[0]) / (2 * step)
     assert slope == pytest.approx(float(np.sum(gradient * np.asarray(motion))), rel=0.05)
+
+
+def test_own_normals_are_those_of_the_first_pose(model: Model) -> None:
+    """Normals of a file differ from angle-weighted ones, here by up to 20 degrees, and so does what is predicted."""
+    predicted = model.predict(SMOOTH).coefficients
+    np.testing.assert_allclose(deforming_predictor(model, SMOOTH)(SMOOTH.vertices)[0], predicted, atol=1e-4)
+    assert np.abs(predicted - model.predict(MESH).coefficients).max() > 0.02
+
+
+def test_a_pose_that_is_turned_has_its_normals_turned() -> None:
+    rotation = random_rotation(3).astype(np.float32)
+    carried = carried_normals(SMOOTH, MESH.faces)
+    for turn in (np.eye(3, dtype=np.float32), rotation):
+        found = normals_of_pose(jnp.asarray(3 * MESH.vertices @ turn.T + 1), MESH.faces, carried)
+        np.testing.assert_allclose(found, SMOOTH.normals @ turn.T, atol=2e-5)
+    inward = MESH._replace(normals=-MESH.normals)
+    found = normals_of_pose(jnp.asarray(MESH.vertices @ rotation.T), MESH.faces, carried_normals(inward, MESH.faces))
+    np.testing.assert_allclose(found, inward.normals @ rotation.T, atol=2e-5)
+
+
+def test_angle_weighted_normals_stay_so_when_the_mesh_bends() -> None:
+    bent = (MESH.vertices * (1 + 0.3 * MESH.vertices[:, :1])).astype(np.float32)
+    found = normals_of_pose(jnp.asarray(bent), MESH.faces, carried_normals(MESH, MESH.faces))
+    np.testing.assert_allclose(found, angle_weighted_normals(bent, MESH.faces), atol=5e-6)
+
+
+def test_carried_normals_have_finite_gradients_and_vertices_without_a_frame_keep_theirs() -> None:
+    """Vertex 0 has no face, 1 to 3 the same face from both sides; the first face of the rest folds to a line."""
+    faces = np.concatenate([np.array([[1, 2, 3], [1, 3, 2]]), 4 + MESH.faces]).astype(np.int32)
+    vertices = np.concatenate([np.eye(4, 3, dtype=np.float32), MESH.vertices])
+    normals = np.concatenate([np.tile(np.array([[0, 0, 1]], np.float32), (4, 1)), SMOOTH.normals])
+    normals[0] = 0
+    mesh = MESH._replace(vertices=vertices, normals=normals, faces=faces)
+    carried = carried_normals(mesh, faces)
+    np.testing.assert_array_equal(normals_of_pose(jnp.asarray(vertices), faces, carried)[:4], normals[:4])
+    flat = vertices.copy()
+    flat[faces[2, 1]] = flat[faces[2, 0]]
+    slope = jax.grad(lambda p: jnp.sum(jnp.sin(normals_of_pose(p, faces, carried))))(jnp.asarray(flat))
+    assert np.isfinite(slope).all()

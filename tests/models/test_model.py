@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph
 from gash_jax.models.model import Model, load_model, save_model, shipped_models
@@ -86,3 +87,34 @@ def test_the_error_head_has_kept_its_old_names(tmp_path: Path) -> None:
 def test_shipped_models_load(name: str) -> None:
     model = load_model(name)
     assert model.config.name == name and model.predict(MESH).coefficients.shape == (40, 9)
+
+
+def _damaged(kind: str, arrays: dict[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+    damaged = {key: array.copy() for key, array in arrays.items()}
+    if kind == "nan":
+        damaged[name].flat[0] = np.nan
+    elif kind == "narrow":
+        damaged[name] = damaged[name][..., :-1]
+    elif kind == "missing":
+        del damaged[name]
+    elif kind == "unknown":
+        damaged["extra/kernel"] = np.zeros((2, 2), np.float32)
+    elif kind == "integers":
+        damaged[name] = damaged[name].astype(np.int32)
+    return damaged
+
+
+@pytest.mark.parametrize("family", ["local", "two-stage"])
+def test_model_files_are_checked_whole(family: str, tmp_path: Path) -> None:
+    model, _ = _model(family)
+    path = tmp_path / "model.npz"
+    save_model(path, model.config, model.params)
+    arrays, metadata = read_npz(path, "model", ())
+    load_model(path)
+    messages = {"nan": "not finite", "narrow": "has shape", "missing": "has no array", "unknown": "'extra/kernel'"}
+    for kind, message in (messages | {"integers": "holds int32"}).items():
+        for name in (min(arrays), max(arrays)):
+            write_npz(path, _damaged(kind, arrays, name), metadata)
+            with pytest.raises(FileError, match=message) as refused:
+                load_model(path)
+            assert "\n" not in str(refused.value) and str(path) in str(refused.value)

@@ -1,5 +1,7 @@
 """The bake against closed forms, its own laws, and its error bars."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -115,12 +117,23 @@ def test_vertices_without_normal_get_zero() -> None:
     assert not dark.coefficients.any()
 
 
-def test_progress_reaches_the_end() -> None:
+def _counts_up(seen: list[tuple[int, int]], total: int) -> bool:
+    """Whether counts rise with every call, all out of the total, and end there."""
+    done = [0, *(count for count, _ in seen)]
+    rises = all(earlier < later for earlier, later in pairwise(done))
+    return rises and done[-1] == total and {of for _, of in seen} == {total}
+
+
+def test_progress_counts_up_to_the_end() -> None:
+    """Chunks end in any order, in several threads; what is told of them is in order all the same."""
     seen: list[tuple[int, int]] = []
     mesh = icosphere(3)
+    count = len(mesh.vertices)
     bake_transfer(mesh, rays=1024, progress=lambda done, total: seen.append((done, total)))
-    assert max(seen) == (len(mesh.vertices), len(mesh.vertices))
-    assert sorted(seen) == seen or len(seen) > 1
+    assert len(seen) > 3 and _counts_up(seen, count)
+    swapped = [seen[1], seen[0], *seen[2:]]
+    for bad in (swapped, seen[::-1], seen[:-1], [seen[0], *seen], [], [(done, done) for done, _ in seen]):
+        assert not _counts_up(bad, count)
 
 
 def test_bands_out_of_range() -> None:

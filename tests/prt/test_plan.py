@@ -7,7 +7,8 @@ from gash_jax.light.environment import project_map
 from gash_jax.light.studio import studio_light
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
-from gash_jax.prt.plan import irradiance_bands, plan_bake, transfer_bytes
+from gash_jax.prt.light_bands import LEFT_OUT
+from gash_jax.prt.plan import plan_bake, transfer_bytes
 from gash_jax.prt.transfer import save_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere
 from gash_jax.shapes.procedural import make_shape
@@ -34,26 +35,13 @@ def test_predicted_bytes_are_those_written(tmp_path) -> None:
     assert transfer_bytes(mesh, 4) <= size <= transfer_bytes(mesh, 4) + 8192
 
 
-def test_bands_by_hand() -> None:
-    """A constant light needs one band, a dipole two; band 3 (l = 3) excites no irradiance, so it is not needed."""
-    light = np.zeros((100, 3), np.float32)
-    light[0] = 1.0
-    assert irradiance_bands(light) == (1, 1.0)
-    light[2] = 1.0
-    assert irradiance_bands(light)[0] == 2
-    light[9:16] = 100.0  # l = 3
-    assert irradiance_bands(light)[0] == 2
-    light[20] = 5.0  # l = 4: (pi/24 * 5)² = 0.43 against pi² + (2 pi/3)² = 14.3
-    assert irradiance_bands(light)[0] == 5
-    assert irradiance_bands(np.zeros((9, 3), np.float32)) == (1, 1.0)
-
-
 def test_light_decides_the_bands() -> None:
     light = np.asarray(project_map(studio_light(), 10))
-    plan = plan_bake(icosphere(2), 0.1, light=light, bands=7)
-    needed, held = irradiance_bands(light)
-    assert (plan.bands, plan.irradiance_held) == (needed, held) and held >= 0.999
-    assert plan_bake(icosphere(2), 0.1, bands=7).bands == 7
+    plan = plan_bake(bumpy_sphere(8), 0.1, light=light, bands=7)
+    assert plan.radiance_left_out is not None and 0 < plan.radiance_left_out <= LEFT_OUT
+    assert plan.bands > 3
+    asked = plan_bake(bumpy_sphere(8), 0.1, bands=7)
+    assert (asked.bands, asked.radiance_left_out) == (7, None)
 
 
 def test_convex_body_needs_no_more_than_the_pilot_rays() -> None:
@@ -61,7 +49,9 @@ def test_convex_body_needs_no_more_than_the_pilot_rays() -> None:
     assert plan.occluded_share == 0.0 and plan.blocked_rays == 0.0
     assert plan.rays_per_vertex <= 16
     blind = icosphere(1)
-    assert plan_bake(blind._replace(normals=np.zeros_like(blind.normals))).rays_total == 0
+    blind = blind._replace(normals=np.zeros_like(blind.normals))
+    assert plan_bake(blind).rays_total == 0
+    assert plan_bake(blind, light=np.ones((9, 3), np.float32))[:2] == (1, 0.0)
 
 
 def test_error_out_of_range() -> None:

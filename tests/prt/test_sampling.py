@@ -10,8 +10,27 @@ from tests.helpers.random_rows import random_rows
 DENSITIES = {"cosine": COSINE, "uniform": UNIFORM}
 
 
+BY_HAND = [[0, 0], [0.5, 0.25], [0.25, 0.5], [0.75, 0.75]]  # (i/4, i with its two digits mirrored), by the latter
+
+
+def _is_hammersley(points: np.ndarray) -> bool:
+    """Whether the points are (i/n, v(i)) for i = 0 .. n-1 in order of v(i), v mirroring binary digits at the point."""
+    n = len(points)
+    digits = (n - 1).bit_length()
+    mirrored = [int(f"{i:0{digits}b}"[::-1], 2) for i in range(n)]  # i = v(j) n is at place i, with j = mirrored[i]
+    return np.array_equal(points, np.stack([mirrored, np.arange(n)], axis=1) / n)
+
+
 def test_lattice_is_hammersley_in_order_of_azimuth() -> None:
-    np.testing.assert_allclose(lattice(4), [[0 / 4, 0.0], [2 / 4, 0.25], [1 / 4, 0.5], [3 / 4, 0.75]], atol=0.126)
+    np.testing.assert_array_equal(lattice(4), BY_HAND)
+    for n in (2, 4, 64, 256):
+        points = lattice(n)
+        assert _is_hammersley(points)
+        # the same points shifted, in another order, one of them moved
+        moved = points.copy()
+        moved[-1, 0] += 0.5 / n
+        for bad in ((points + 0.5 / n) % 1, (points + 1 / n) % 1, points[::-1], moved):
+            assert not _is_hammersley(bad)
     for name in LATTICES:
         assert np.all(np.diff(lattice(64, name)[:, 1]) > 0)
         assert len(np.unique(lattice(64, name)[:, 0])) == 64

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gash_jax.files.atomic import FileError
+from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.train.config import DataConfig
 from gash_jax.train.corpus import build_corpus, build_item, item_path, load_item, split_indices
 
@@ -48,6 +50,27 @@ def test_a_damaged_cache_file_is_made_again() -> None:
     truth = load_item(path).coefficients
     path.write_bytes(path.read_bytes()[:100])
     np.testing.assert_array_equal(build_corpus(SMALL, 3, np.array([0]))[0].coefficients, truth)
+
+
+@pytest.mark.parametrize("kind", ["nan", "short", "outside", "floats", "nameless"])
+def test_a_cache_file_whose_arrays_do_not_fit_is_made_again(kind: str) -> None:
+    path = build_item(SMALL, 3, 0)
+    truth = load_item(path)
+    arrays, metadata = read_npz(path, "corpus item", ())
+    if kind == "nan":
+        arrays["coefficients"][3, 0] = np.nan
+    elif kind == "short":
+        arrays["visibility"] = arrays["visibility"][:-1]
+    elif kind == "outside":
+        arrays["faces"][0, 0] = len(truth.coefficients)
+    elif kind == "floats":
+        arrays["faces"] = arrays["faces"].astype(np.float32)
+    write_npz(path, arrays, {} if kind == "nameless" else metadata)
+    with pytest.raises(FileError, match="corpus item|not finite"):
+        load_item(path)
+    (again,) = build_corpus(SMALL, 3, np.array([0]))
+    np.testing.assert_array_equal(again.coefficients, truth.coefficients)
+    assert again.kind == truth.kind
 
 
 def test_a_killed_build_goes_on_where_it_stopped() -> None:

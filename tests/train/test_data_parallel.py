@@ -121,6 +121,10 @@ def test_shards_hold_the_same_shapes_and_weigh_vertices_not_shards() -> None:
     assert abs(float(np.mean(alone)) - losses[1]) > 1e-2 * losses[1]
 
 
-def test_too_few_shapes_for_the_devices_are_refused() -> None:
-    with pytest.raises(ValueError, match="raise train.batch_vertices"):
-        WholeShapes(_examples()[:2]).draw(2000, 0, 0, 4)
+def test_devices_without_a_shape_count_for_nothing() -> None:
+    examples = _examples()[:2]
+    module, phase = build_model(model_config(**NETS["mlp"])), objectives(model_config(**NETS["mlp"]))[0]
+    params = random_variables(module, examples[0].graph)["params"]
+    one, four = (WholeShapes(examples).draw(2000, 0, 0, shards) for shards in (1, 4))
+    assert four.mask.any(axis=1).tolist() == [True, True, False, False] and not four.weight[2:].any()
+    assert float(phase.loss(params, four, None)) == pytest.approx(float(phase.loss(params, one, None)), rel=1e-5)

@@ -88,6 +88,17 @@ def open_document(data: bytes, folder: Path) -> Document:
     )
 
 
+def named_files(data: bytes, folder: Path) -> list[Path]:
+    """Files that a glTF document names, its buffers and pictures; none where it cannot be read."""
+    try:
+        document, _ = _split(data)
+        entries = [entry for kind in ("buffers", "images") for entry in document.get(kind, ())]
+        addresses = [entry["uri"] for entry in entries if "uri" in entry]
+        return [folder / unquote(uri) for uri in addresses if not uri.startswith("data:")]
+    except (MeshError, ValueError, TypeError, AttributeError, RecursionError):
+        return []
+
+
 def refuse_compressed(entry: dict[str, Any]) -> None:
     """MeshError if a primitive or a view has compressed data, named."""
     for name in _COMPRESSED:

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from gash_jax.formats.mesh_files import read_mesh_file
+from gash_jax.formats.gltf import read_gltf
+from gash_jax.formats.gltf_document import named_files
+from gash_jax.formats.mesh_files import READERS, read_mesh_file
 from gash_jax.formats.others import from_trimesh, is_trimesh
 from gash_jax.formats.ply import write_ply
 from gash_jax.formats.raw_mesh import RawMesh
@@ -76,6 +78,14 @@ def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
             raise MeshError(f"{os.fspath(source)}: {error}") from None
         raise
     return mesh, report._replace(notes=raw.notes + report.notes)
+
+
+def mesh_files(path: str | os.PathLike[str]) -> list[Path]:
+    """The mesh file and those that it names: a .gltf keeps its data and pictures beside itself."""
+    path = Path(path)
+    if READERS.get(path.suffix.lower()) is not read_gltf or not path.is_file():
+        return [path]
+    return [path, *named_files(path.read_bytes(), path.parent)]
 
 
 def save_mesh(path: str | os.PathLike[str], mesh: MeshLike) -> None:

@@ -185,5 +185,7 @@ def _is_angular(image: Shaped[np.ndarray, "h w 3"]) -> bool:
     u, v = _square(len(image), slice(None))
     radius, lit = np.asarray(np.hypot(u, v)), np.asarray(image.any(axis=-1))
     step = 2.0 / len(image)
-    rim = (radius < 1 - step) & (radius > 1 - 4 * step)
-    return not lit[radius > 1 + step].any() and bool(rim.any()) and bool(lit[rim].mean() > _LIT_RIM)
+    rim, outside = (radius < 1 - step) & (radius > 1 - 4 * step), radius > 1 + step
+    if not rim.any() or not outside.any():  # too few pixels to tell
+        return False
+    return not lit[outside].any() and bool(lit[rim].mean() > _LIT_RIM)

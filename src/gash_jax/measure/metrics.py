@@ -3,8 +3,8 @@
 Estimates t, reference t*, both (v, k). Raw MSE depends on scale and albedo, so it never stands alone:
 relrmse = sqrt(sum |t - t*|² / sum |t*|²);  skill = 1 - MSE(method) / MSE(unshadowed closed form), where 0 means
 nothing learnt beyond the formula. Skill is undefined where the closed form is already right ("no occlusion") or the
-reference has no energy ("no transfer"). *Equivalent rays* is the ray count at which the plain bake of the same mesh
-has the same MSE, interpolated in log-log. *Shadow MSE* looks only at the darkest quartile of vertices by reference
+reference has no energy ("no transfer"). *Equivalent rays* is the fewest rays at which the plain bake of the same mesh
+is as good, interpolated in log-log. *Shadow MSE* looks only at the darkest quartile of vertices by reference
 t_0. *Visibility scores*: the share of directions called right, that share averaged over the two classes (balanced; a
 constant answer has 1/2), and what always answering with the more frequent class would score. *Flicker* is the RMS of
 the second difference in time of the error of a sequence. *Calibration* of error bars: the rms z-score is the rms error
@@ -124,12 +124,21 @@ def plain_bake_curve(
 
 
 def equivalent_rays(error: float, curve: dict[int, float]) -> float | str:
-    """Rays at which the plain bake has this MSE, log-log interpolated; "< 4" or ">= N" outside the curve."""
+    """Fewest rays at which the plain bake has at most this MSE; "< 4" or ">= N" outside the curve.
+
+    Between two points it is interpolated in log-log, where an MSE of 0 is the limit of ever smaller ones: any larger
+    error is met at the point before. A point that is no better than one with fewer rays counts for nothing.
+    """
     counts = np.array(sorted(curve))
     errors = np.minimum.accumulate([curve[n] for n in counts])
     if error > errors[0]:
         return f"< {counts[0]}"
-    if error <= errors[-1]:
+    if error < errors[-1]:
         return f">= {counts[-1]}"
-    order = np.argsort(errors)
-    return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(counts[order]))))
+    met = int(np.argmax(errors <= error))
+    if errors[met] == error:
+        return float(counts[met])
+    if errors[met] == 0:
+        return float(counts[met - 1])
+    fall, part = np.log(errors[met - 1] / errors[met]), np.log(errors[met - 1] / error)
+    return float(counts[met - 1] * (counts[met] / counts[met - 1]) ** (part / fall))

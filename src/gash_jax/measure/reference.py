@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
-from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
 from gash_jax.prt.bake import bake_transfer
@@ -41,9 +40,11 @@ def make_reference(
     path = cache_folder() / "references" / f"{digest.hexdigest()[:24]}.npz"
     try:
         arrays, metadata = read_npz(path, "reference", ("coefficients", "standard_error"))
-        curve = {int(count): error for count, error in metadata["curve"].items()}
+        shape = (len(mesh.vertices), bands**2)
+        check_arrays(path, "reference", arrays, {"coefficients": shape, "standard_error": shape})
+        curve = {int(count): float(error) for count, error in metadata["curve"].items()}
         return Reference(arrays["coefficients"], arrays["standard_error"], curve, rays)
-    except FileError:  # not there yet, or damaged: it is only a cache
+    except (ValueError, LookupError, AttributeError, TypeError):  # not there yet, or damaged: it is only a cache
         pass
     transfer = bake_transfer(mesh, bands, rays, seed=REFERENCE_SEED, progress=progress)
     curve = metrics.plain_bake_curve(mesh, transfer.coefficients, rays)

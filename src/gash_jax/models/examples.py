@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.batching import batch_graphs, node_mask
@@ -114,28 +114,48 @@ def shard_size(examples: Sequence[Example], size: int, shards: int) -> int:
     return size if shards == 1 else size // shards + max(len(example.coefficients) for example in examples) + 1
 
 
+def _random_part(counts: Int[np.ndarray, "n"], size: int, seed: int, step: int) -> Int[np.ndarray, "m"]:
+    """Indices of one part of a division of the shapes with fewer than `size` vertices into parts with fewer in all.
+
+    Large shapes first, each goes to any of the parts that have room for it. One vertex of a batch is kept free for
+    padding edges to end at.
+    """
+    rng = np.random.default_rng([seed, step])
+    order = rng.permutation(np.flatnonzero(counts < size))
+    order = order[np.argsort(-counts[order], kind="stable")]
+    loads = np.zeros(-(-int(counts[order].sum()) // max(size - 1, 1)), int)
+    part = np.full(len(counts), -1)
+    for index in order:
+        room = np.flatnonzero(loads + counts[index] < size)
+        if not len(room):
+            loads, room = np.append(loads, 0), np.array([len(loads)])
+        part[index] = rng.choice(room)
+        loads[part[index]] += counts[index]
+    return np.flatnonzero(part == rng.integers(len(loads))) if len(loads) else order
+
+
 class WholeShapes:
     """Batches of whole shapes, whose graphs have a fixed number of neighbours."""
 
     def __init__(self, examples: Sequence[Example]) -> None:
         self.examples = examples
+        self._counts = np.array([len(example.coefficients) for example in examples], int)
 
     def draw(self, size: int, seed: int, step: int, shards: int = 1) -> Batch:
-        """The batch of a step: random shapes without repetition until the next one would not fit."""
-        examples = self.examples
-        order = np.random.default_rng([seed, step]).permutation(len(examples))
-        chosen, used = [], 0
-        for index in order:
-            count = len(examples[index].coefficients)
-            # one vertex is kept free for padding edges to end at
-            if used + count < size:
-                chosen.append(examples[index])
-                used += count
+        """The batch of a step: one part, chosen at random, of a random division of all shapes that fit into batches.
+
+        Every shape is in exactly one part, so all are drawn equally often, however large they are; and so are vertices,
+        which count alike in the loss. (A batch filled with whatever still fits would hold small shapes more often.)
+        """
+        chosen = [self.examples[index] for index in _random_part(self._counts, size, seed, step)]
         if not chosen:
             raise ValueError(f"no shape fits into train.batch_vertices={size}: raise it, or lower data.max_vertices")
-        if len(chosen) < shards:
-            raise ValueError(f"{len(chosen)} shapes in a batch for {shards} devices: raise train.batch_vertices")
-        return collate(_spread(chosen, shards) if shards > 1 else [chosen], shard_size(examples, size, shards))
+        groups = _spread(chosen, shards) if shards > 1 else [chosen]
+        batch = collate([group or chosen[:1] for group in groups], shard_size(self.examples, size, shards))
+        for shard, group in enumerate(groups):
+            if not group:  # fewer shapes than devices: what this one computes counts for nothing
+                batch.mask[shard], batch.weight[shard] = False, 0
+        return batch
 
     def in_order(self, size: int) -> list[Batch]:
         """Every shape exactly once, in padded batches of one shard that hold at least `size` vertices."""

@@ -18,10 +18,11 @@ from jax.core import Tracer
 
 from gash_jax.algebra.arguments import whole_number
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.files.settings import ConfigError
 from gash_jax.formats.meshes import MeshLike, as_mesh, is_mesh_like
 from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
+from gash_jax.models.parameter_shapes import parameter_shapes
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
@@ -122,7 +123,10 @@ def shipped_models() -> dict[str, Path]:
 
 
 def load_model(name: str | Path) -> Model:
-    """Load weights that ship with the package by name, or a model file by path. Raises FileError."""
+    """Load weights that ship with the package by name, or a model file by path.
+
+    Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+    """
     shipped = shipped_models()
     if str(name) not in shipped and not Path(name).exists():
         known = ", ".join(shipped) or "none"
@@ -136,4 +140,8 @@ def load_model(name: str | Path) -> Model:
     except ConfigError as error:
         raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
     arrays = {RENAMED.get(name, name): array for name, array in arrays.items()}
+    shapes = parameter_shapes(config)
+    check_arrays(path, "model", arrays, shapes)
+    if unknown := sorted(arrays.keys() - shapes.keys()):
+        raise FileError(f"{path} is not a model file: its network has no array {unknown[0]!r}; write it again")
     return Model(config, unflatten_dict(arrays, sep="/"), metadata)

@@ -1,12 +1,10 @@
-"""What a scene needs, before anyone pays for it: bands from the light, rays and seconds from a sample of vertices.
+"""What a scene needs, before anyone pays for it: bands, rays and seconds, from a sample of at most `SAMPLE` vertices.
 
-*Bands.* Unshadowed irradiance has the coefficients A_l L_lm (Ramamoorthi & Hanrahan 2001), so band l holds the share
-sum_m (A_l L_lm)² of its energy. A band that holds nothing of it is one that this light cannot excite on an unshadowed
-surface; `bands` is the fewest that hold `HELD` of the energy.
+*Bands.* With a light, the fewest whose radiance, shadows included, is nearly that of all bands (`light_bands`).
 
-*Rays.* `error_target` is run in full on at most `SAMPLE` vertices against the whole scene, twice: the first run pays
-for compilation, the second is timed. Neighbours of sampled vertices are not sampled, so it does without the smoothing
-of the real bake, which costs it a few rays more.
+*Rays.* `error_target` is run in full on the sample against the whole scene, twice: the first run pays for compilation,
+the second is timed. Neighbours of sampled vertices are not sampled, so it does without the smoothing of the real bake,
+which costs it a few rays more.
 """
 
 import time
@@ -16,15 +14,13 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
-from gash_jax.algebra.sh import band_index, bands_of
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.error_target import check_error, run_rounds
+from gash_jax.prt.light_bands import bands_for
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.tracing import active_rows
 from gash_jax.prt.visibility import visibility
 
-HELD = 0.999
 SAMPLE = 2000
 
 
@@ -32,7 +28,9 @@ class Plan(NamedTuple):
     """What baking a mesh to an error is expected to take."""
 
     bands: int
-    irradiance_held: float | None  # share of the light's irradiance in these bands; None without a light
+    # relative rms, over vertices and colours, of the radiance that the light's other bands would add, at two standard
+    # errors above the estimate; None without a light
+    radiance_left_out: float | None
     error: float
     occluded_share: float  # of sampled vertices, those with a blocked ray
     blocked_rays: float  # mean share of a vertex's rays that are blocked
@@ -47,18 +45,6 @@ class Plan(NamedTuple):
         return self._asdict()
 
 
-def irradiance_bands(light: Float[np.ndarray, "k 3"]) -> tuple[int, float]:
-    """Fewest bands that hold `HELD` of the irradiance of a light, and the share that they hold."""
-    bands = bands_of(len(light))
-    energy = np.sum((clamped_cosine_coefficients(bands)[:, None] * light.astype(np.float64)) ** 2, axis=1)
-    per_band = np.bincount(band_index(bands), energy)
-    if not per_band.any():
-        return 1, 1.0
-    held = np.cumsum(per_band) / per_band.sum()
-    needed = int(np.argmax(held >= HELD)) + 1
-    return needed, float(held[needed - 1])
-
-
 def transfer_bytes(mesh: Mesh, bands: int) -> int:
     """Size of a transfer file with standard errors, but for a few kilobytes of metadata."""
     return 4 * (len(mesh.vertices) * (2 * bands**2 + 6) + 3 * len(mesh.faces))
@@ -67,22 +53,24 @@ def transfer_bytes(mesh: Mesh, bands: int) -> int:
 def plan_bake(
     mesh: Mesh, error: float = 0.02, *, bands: int = 3, light: Float[np.ndarray, "k 3"] | None = None, seed: int = 0
 ) -> Plan:
-    """Plan a bake to a relative error; with a light, its irradiance decides the bands instead of `bands`."""
+    """Plan a bake to a relative error; with a light, the radiance that it makes decides the bands instead of `bands`.
+
+    Of `light` all bands count: give it as many as a bake may have. Raises ValueError for an error out of range.
+    """
     check_error(error)
-    held = None
-    if light is not None:
-        bands, held = irradiance_bands(light)
     started = time.perf_counter()
     geometry = trace_geometry(mesh)
     visible = visibility(geometry.vertices, geometry.faces)
     build = time.perf_counter() - started
     rng = np.random.default_rng(seed)
     active, rows = active_rows(mesh, geometry, None, rng.random((len(mesh.vertices), 1, 2), np.float32))
-    size = transfer_bytes(mesh, bands)
     if not len(active):
-        return Plan(bands, held, error, 0.0, 0.0, 0.0, 0, build, size, 0)
+        bands, left_out = (bands, None) if light is None else (1, 0.0)
+        return Plan(bands, left_out, error, 0.0, 0.0, 0.0, 0, build, transfer_bytes(mesh, bands), 0)
     rows = rows.take(np.sort(rng.permutation(len(active))[:SAMPLE]))
-    count = len(rows.origins)
+    count, left_out = len(rows.origins), None
+    if light is not None:
+        bands, left_out = bands_for(light, rows, visible, rng)
     alone = sp.csr_matrix(sp.identity(count))
     started = time.perf_counter()
     run_rounds(rows, error, bands, visible, alone)
@@ -93,13 +81,13 @@ def plan_bake(
     rays = float(state.rays.mean())
     return Plan(
         bands=bands,
-        irradiance_held=held,
+        radiance_left_out=left_out,
         error=error,
         occluded_share=float(np.mean(state.share < 1)),
         blocked_rays=float(1 - state.share.mean()),
         rays_per_vertex=rays,
         rays_total=round(rays * len(active)),
         seconds=build + compilation + sample * len(active) / count,
-        bytes=size,
+        bytes=transfer_bytes(mesh, bands),
         sampled_vertices=count,
     )

@@ -18,7 +18,7 @@ from jaxtyping import Int
 from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.cores import available_cores
-from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.examples import Item
 from gash_jax.prt.bake import bake_transfer
@@ -26,6 +26,7 @@ from gash_jax.prt.hemisphere import hemisphere_visibility
 from gash_jax.shapes.procedural import make_shape
 from gash_jax.train.config import DataConfig
 
+SHAPES = {"vertices": ("v", 3), "normals": ("v", 3), "faces": ("f", 3), "coefficients": ("v", "k")}
 LABEL_ROOMS = ("algebra", "geometry", "shapes", "prt")
 
 
@@ -54,8 +55,14 @@ def build_item(data: DataConfig, bands: int, index: int) -> Path:
 
 
 def load_item(path: Path) -> Item:
-    """Read an item from the cache."""
-    arrays, metadata = read_npz(path, "corpus item", ("vertices", "normals", "faces", "coefficients", "visibility"))
+    """Read an item from the cache. Raises FileError where it is not whole."""
+    arrays, metadata = read_npz(path, "corpus item", ())
+    sizes = check_arrays(path, "corpus item", arrays, SHAPES, integers=("faces",))
+    count, faces, seen = sizes["v"], arrays["faces"], arrays.get("visibility")
+    inside = not faces.size or (faces.min() >= 0 and faces.max() < count)
+    seen_by_all = seen is not None and seen.dtype == bool and seen.ndim == 2 and len(seen) == count
+    if not inside or not seen_by_all or not isinstance(metadata.get("kind"), str):
+        raise FileError(f"{path} is not a whole corpus item: write it again")
     mesh = Mesh(arrays["vertices"], arrays["normals"], arrays["faces"])
     return Item(metadata["kind"], mesh, arrays["coefficients"], arrays["visibility"].astype(np.float32))
 

@@ -22,7 +22,7 @@ from gash_jax.apps.options import (
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.files.atomic import check_writable
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
 from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
@@ -39,7 +39,7 @@ from gash_jax.prt.transfer import Transfer, save_transfer
 @click.option("--rays", type=click.IntRange(1, 1 << 20), help="Rays per vertex.  [default: 256]")
 @click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
 @click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
-@light_option("With --auto: the light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@light_option("With --auto: the light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz).")
 @layout_option
 @click.option(
     "--replicates",
@@ -70,7 +70,7 @@ def bake(
     if to_error and (rays is not None or replicates is not None):
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
     check_layout(layout, light_path)
-    check_writable(output, [mesh, light_path])
+    check_writable(output, [*mesh_files(mesh), light_path])
     error, rays = 0.02 if error is None else error, 256 if rays is None else rays
     if to_error:
         check_error(error)
@@ -101,8 +101,8 @@ def bake(
 def _entries_of_aim(transfer: Transfer, plan: Plan | None) -> dict[str, Any]:
     """The metadata of a bake to an error, with the plan and the reason for the number of bands."""
     entries, reason = transfer.metadata, "as asked"
-    if plan is not None and plan.irradiance_held is not None:
-        reason = f"which hold {plan.irradiance_held:.2%} of the light's irradiance; higher ones are left out"
+    if plan is not None and plan.radiance_left_out is not None:
+        reason = f"which leave out at most {plan.radiance_left_out:.2%} of the radiance under the light that was given"
     modelled = {**entries["modelled"], "bands": f"{transfer.bands}, {reason}"}
     return {**entries, "modelled": modelled, **({} if plan is None else {"plan": plan.to_dict()})}
 

@@ -18,7 +18,7 @@ from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.tables import print_methods
 from gash_jax.files.atomic import check_writable, write_json
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import make_reference
@@ -38,7 +38,7 @@ def bench(
 ) -> None:
     """Speed against error on MESH: closed form, plain bakes, networks."""
     if output:
-        check_writable(output, [mesh, *models])
+        check_writable(output, [*mesh_files(mesh), *models])
     names = models or ("local",)
     loaded = {name: load_model(name) for name in names}
     surface, _ = read_mesh(mesh, up)

@@ -12,9 +12,11 @@ from gash_jax.apps.printing import number
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.same_mesh import check_same_mesh
 from gash_jax.measure import metrics
-from gash_jax.prt.transfer import load_transfer
+from gash_jax.prt.error_target import LOWEST_ERROR
+from gash_jax.prt.transfer import Transfer, load_transfer
 
 NAMES = ("relrmse", "skill", "mse", "shadow_mse", "equivalent_rays", "vertices", "bands", "reference_rays")
+BELIEVED = 0.25  # of the error that is measured: what a reference's own may be
 
 
 @click.command(cls=Command, epilog="gash compare predicted.npz reference.npz --json")
@@ -23,19 +25,20 @@ NAMES = ("relrmse", "skill", "mse", "shadow_mse", "equivalent_rays", "vertices",
 @json_option
 @quiet_option
 def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None:
-    """Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more."""
+    """Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more.
+
+    REFERENCE is a bake with many rays, or to an error that is at most a quarter of what is to be measured.
+    """
     candidate, believed = load_transfer(transfer), load_transfer(reference)
     check_same_mesh(candidate, believed)
     estimate, truth = candidate.coefficients, believed.coefficients
     per_mse, per_std = metrics.coefficient_errors(estimate, truth)
-    rays = believed.metadata.get("parameters", {}).get("rays")
-    if rays is None:
-        raise ValueError(f"{reference} is not a bake: compare with one, such as gash bake MESH --rays 4096")
+    rays, stated = _rays_and_error(reference, believed)
     with progress_bar("baking the yardstick", quiet) as update:
         curve = metrics.plain_bake_curve(believed.mesh, truth, rays, progress=update)
-    error = metrics.mse(estimate, truth)
+    error, relative = metrics.mse(estimate, truth), metrics.relrmse(estimate, truth)
     values = {
-        "relrmse": metrics.relrmse(estimate, truth),
+        "relrmse": relative,
         "skill": metrics.skill(estimate, truth, believed.normals),
         "mse": error,
         "mse_per_coefficient": per_mse.tolist(),
@@ -45,12 +48,31 @@ def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None
         "vertices": len(truth),
         "bands": believed.bands,
         "reference_rays": rays,
+        **({} if stated is None else {"reference_error": stated}),
     }
+    if stated is not None and relative is not None and stated > BELIEVED * relative:
+        click.echo(
+            f"warning: {reference} states a relative error of {stated:.4g}, more than a quarter of the relrmse "
+            f"{relative:.4g}: bake the reference with --error {max(LOWEST_ERROR, BELIEVED * relative):.2g}",
+            err=True,
+        )
     click.echo(json.dumps(values) if as_json else _text(values))
+
+
+def _rays_and_error(path: Path, reference: Transfer) -> tuple[int, float | None]:
+    """Rays per vertex of a reference, on the average for a bake to an error, and the error that such a one states."""
+    known = reference.metadata
+    rays, stated = known.get("parameters", {}).get("rays"), known.get("estimated_error")
+    if rays is not None:
+        return rays, None
+    if stated is None or "rays_total" not in known:
+        raise ValueError(f"{path} is not a bake: compare with one, such as gash bake MESH --rays 4096")
+    return round(known["rays_total"] / max(1, np.count_nonzero(reference.normals.any(axis=1)))), stated
 
 
 def _text(values: dict[str, Any]) -> str:
     """The measures for people."""
-    lines = [f"{name:16s} {number(values[name])}" for name in NAMES] + ["per coefficient  mse std"]
+    names = [*NAMES, *(["reference_error"] if "reference_error" in values else [])]
+    lines = [f"{name:16s} {number(values[name])}" for name in names] + ["per coefficient  mse std"]
     pairs = zip(values["mse_per_coefficient"], values["std"], strict=True)
     return "\n".join([*lines, *(f"  {index:3d}            {m:.3e} {s:.3e}" for index, (m, s) in enumerate(pairs))])

@@ -8,7 +8,7 @@ import numpy as np
 
 from gash_jax.apps.options import PATH, Command, quiet_option
 from gash_jax.apps.pictures.contact_sheet import contact_sheet
-from gash_jax.apps.pictures.montage import write_png
+from gash_jax.apps.pictures.montage import check_picture, write_picture
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.files.atomic import check_writable
@@ -19,12 +19,13 @@ from gash_jax.train.corpus import build_corpus, split_indices
 @click.command(cls=Command, epilog="gash corpus base -o corpus.png")
 @click.argument("config", type=PATH)
 @click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
-@click.option("-o", "--output", type=PATH, help="Contact sheet to draw (.png).")
+@click.option("-o", "--output", type=PATH, help="Contact sheet to draw (.png, .jpg).")
 @quiet_option
 def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
     """Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an interruption."""
     if output:
         check_writable(output, [config])
+        check_picture(output)
     run = load_config(config, overrides)
     training, validation = split_indices(run.data)
     with progress_bar("corpus", quiet) as update:
@@ -36,5 +37,5 @@ def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet:
     say("  " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())), quiet)
     if output:
         with progress_bar("contact sheet", quiet) as update:
-            write_png(output, contact_sheet(items, update))
+            write_picture(output, contact_sheet(items, update))
         say(f"wrote {output}", quiet)

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from gash_jax.apps.options import PATH, Command, check_layout, layout_option, quiet_option
-from gash_jax.apps.pictures.montage import montage, signed_colors, write_png
+from gash_jax.apps.pictures.montage import montage, signed_colors, write_picture
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
@@ -135,4 +135,4 @@ def _draw(mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: lis
         difference = (images["local"][0] - images["reference"][0]).mean(-1) * exposure
         caption = "difference, prediction - reference\nblue darker, red brighter, full at 0.3"
         panels.append((caption, signed_colors(difference, 0.3)))
-    write_png(path, montage(panels, columns=4))
+    write_picture(path, montage(panels, columns=4))

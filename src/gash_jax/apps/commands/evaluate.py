@@ -19,7 +19,7 @@ from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.tables import print_meshes
 from gash_jax.files.atomic import check_writable, write_json
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.measure.methods import evaluate_mesh
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import make_reference
@@ -39,7 +39,7 @@ def evaluate(
 ) -> None:
     """Hold the model of RUN (or a weights file) against reference bakes of every MESH."""
     if output:
-        check_writable(output, [run, run / "model.npz", *meshes])
+        check_writable(output, [run, run / "model.npz", *(file for mesh in meshes for file in mesh_files(mesh))])
     model = load_model(run / "model.npz" if run.is_dir() else run)
     rows = []
     with progress_bar(f"{len(meshes)} meshes", quiet) as update:

@@ -25,7 +25,7 @@ from gash_jax.prt.plan import plan_bake
 
 @click.command(cls=Command, epilog="gash plan bunny.ply --light studio.hdr --error 0.02")
 @click.argument("mesh", type=PATH)
-@light_option("Light whose irradiance decides the bands (.hdr, .exr, .npz).")
+@light_option("Light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz).")
 @layout_option
 @click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
 @bands_option()
@@ -46,8 +46,10 @@ def plan(
 
 def plan_text(values: dict[str, Any]) -> str:
     """The plan for people: what, and why."""
-    held = values["irradiance_held"]
-    reason = "as asked; --light decides by the light" if held is None else f"hold {held:.2%} of the irradiance"
+    left_out = values["radiance_left_out"]
+    reason = "as asked; --light decides by the light"
+    if left_out is not None:
+        reason = f"the light's other bands add at most {left_out:.2%} to the radiance, shadows counted"
     return "\n".join(
         [
             f"occluded vertices    {values['occluded_share']:.1%}, {values['blocked_rays']:.1%} of all rays blocked "

@@ -7,7 +7,7 @@ import click
 from gash_jax.apps.options import PATH, Command, output_option, quiet_option, up_option
 from gash_jax.apps.printing import say
 from gash_jax.files.atomic import check_writable
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.models.model import load_model
 from gash_jax.prt.transfer import save_transfer
 
@@ -23,7 +23,7 @@ from gash_jax.prt.transfer import save_transfer
 @quiet_option
 def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet: bool) -> None:
     """Predict the transfer of MESH with a network: no rays."""
-    check_writable(output, [mesh, model])
+    check_writable(output, [*mesh_files(mesh), model])
     network = load_model(model)
     surface, health = read_mesh(mesh, up)
     transfer = network.predict(surface)

@@ -6,7 +6,7 @@ import click
 import numpy as np
 
 from gash_jax.apps.options import PATH, Command, layout_option, output_option, quiet_option
-from gash_jax.apps.pictures.montage import montage, write_png
+from gash_jax.apps.pictures.montage import check_picture, montage, write_picture
 from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
@@ -41,8 +41,9 @@ def render(
     size: int,
     quiet: bool,
 ) -> None:
-    """Relight TRANSFER and write a PNG of several views."""
+    """Relight TRANSFER and write a picture (.png, .jpg) of several views."""
     check_writable(output, [transfer, light_path])
+    check_picture(output)
     lit = load_transfer(transfer)
     with progress_bar(f"projecting {light_path.name}", quiet) as update:
         light = load_light(light_path, lit.bands, layout, update)
@@ -56,5 +57,5 @@ def render(
             update(step + 1, len(views))
     exposure = exposure_for(images)
     panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
-    write_png(output, montage(panels))
+    write_picture(output, montage(panels))
     say(f"wrote {output} ({len(views)} views, {size} pixels each)", quiet)

@@ -1,4 +1,4 @@
-"""Panels with captions, side by side, written as PNG."""
+"""Panels with captions, side by side, written as PNG or JPEG."""
 
 from pathlib import Path
 
@@ -6,8 +6,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from gash_jax.files.atomic import whole_file
+from gash_jax.files.atomic import FileError, whole_file
 
+_JPEG = ("JPEG", {"quality": 92, "subsampling": 0})  # captions stay sharp
+FORMATS: dict[str, tuple[str, dict[str, int]]] = {".png": ("PNG", {}), ".jpg": _JPEG, ".jpeg": _JPEG}
 CAPTION, GAP, INK, PAPER = 52, 6, (20, 20, 20), (250, 250, 250)
 
 
@@ -33,7 +35,15 @@ def montage(panels: list[tuple[str, UInt8[np.ndarray, "h w 3"]]], columns: int |
     return sheet
 
 
-def write_png(path: str | Path, picture: Image.Image) -> None:
-    """Write the picture whole or not at all."""
+def check_picture(path: str | Path) -> None:
+    """Raise FileError for a name that says no format we write."""
+    if Path(path).suffix.lower() not in FORMATS:
+        raise FileError(f"cannot write {path}: pictures are written as {', '.join(FORMATS)}, choose such a name")
+
+
+def write_picture(path: str | Path, picture: Image.Image) -> None:
+    """Write the picture in the format of its name, whole or not at all. Raises FileError for another name."""
+    check_picture(path)
+    kind, options = FORMATS[Path(path).suffix.lower()]
     with whole_file(path) as temporary:
-        picture.save(temporary, format="PNG")
+        picture.save(temporary, format=kind, **options)
