@@ -246,7 +246,7 @@ def test_the_equal_area_case() -> None:
     np.testing.assert_allclose(found[0], 2 * np.sqrt(np.pi) * 1984 / 4096, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(found[1:4], axis=0), 1.535, atol=0.003)
     image[horizon] = 0.5
-    half = project_light(np.repeat(image[..., None], 3, axis=-1), 3, "equal-area")
+    half = project_map(np.repeat(image[..., None], 3, axis=-1), 3, "equal-area")
     np.testing.assert_allclose(half[0], np.sqrt(np.pi), rtol=1e-6)
     np.testing.assert_allclose(half[1:4], found[1:4], atol=1e-6)
     with pytest.raises(LightError, match="--layout"):

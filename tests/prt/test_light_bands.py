@@ -5,7 +5,7 @@ import pytest
 
 from gash_jax.algebra.sh import band_index
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.light.environment import project_light
+from gash_jax.light.environment import project_map
 from gash_jax.light.layouts import pixel_directions
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.light_bands import LEFT_OUT, bands_for, radiance_left_out
@@ -25,7 +25,7 @@ def sun_and_sky() -> np.ndarray:
     sun = np.array([0.5, 0.6, 0.62]) / np.linalg.norm([0.5, 0.6, 0.62])
     sky = np.where(directions[..., 1:2] > 0, [0.3, 0.4, 0.6], [0.1, 0.1, 0.08])
     disc = (directions @ sun > np.cos(np.radians(4)))[..., None] * np.array([200.0, 180.0, 150.0])
-    return np.asarray(project_light((sky + disc).astype(np.float32), 10))
+    return np.asarray(project_map((sky + disc).astype(np.float32), 10))
 
 
 def in_band(band: int) -> np.ndarray:

@@ -14,6 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
+from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.sh import bands_of, validate_bands
+from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.error_target import check_error, run_rounds
 from gash_jax.prt.light_bands import bands_for
@@ -50,14 +53,15 @@ def transfer_bytes(mesh: Mesh, bands: int) -> int:
     return 4 * (len(mesh.vertices) * (2 * bands**2 + 6) + 3 * len(mesh.faces))
 
 
-def plan_bake(
-    mesh: Mesh, error: float = 0.02, *, bands: int = 3, light: Float[np.ndarray, "k 3"] | None = None, seed: int = 0
-) -> Plan:
+def plan_bake(mesh: MeshLike, error: float = 0.02, *, bands: int = 3, light: Any = None, seed: int = 0) -> Plan:
     """Plan a bake to a relative error; with a light, the radiance that it makes decides the bands instead of `bands`.
 
-    Of `light` all bands count: give it as many as a bake may have. Raises ValueError for an error out of range.
+    `light` is a Light or its coefficients (k, 3); all its bands count: give it as many as a bake may have. Raises
+    ValueError for an error out of range.
     """
+    mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)
+    light, error = None if light is None else _light(light), float(error)
     started = time.perf_counter()
     geometry = trace_geometry(mesh)
     visible = visibility(geometry.vertices, geometry.faces)
@@ -91,3 +95,12 @@ def plan_bake(
         bytes=transfer_bytes(mesh, bands),
         sampled_vertices=count,
     )
+
+
+def _light(light: Any) -> Float[np.ndarray, "k 3"]:
+    """Coefficients of a light, which is a container or an array."""
+    found = np.asarray(getattr(light, "coefficients", light))
+    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "fiu":
+        raise ValueError(f"light has shape {found.shape} {found.dtype}: give a Light, or coefficients (bands^2, 3)")
+    bands_of(len(found))
+    return found.astype(np.float32)
