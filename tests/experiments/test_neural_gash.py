@@ -43,7 +43,7 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     assert (tmp_path / "results.json").stat().st_size > 1000 and (tmp_path / "scene.json").stat().st_size > 1000
     times = latency.main(str(tmp_path / "two-stage" / "model.npz"), None, tmp_path / "latency.json", quick=True)
     assert all(row["stage1"] > 0 and row["bake"] > 0 for row in times["rows"])
-    (picture,) = pictures.main(tmp_path, None, tmp_path, quick=True)
+    (picture,) = pictures.main(None, tmp_path, quick=True)
     assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
     (tmp_path / "sweep.csv").write_text(SWEEP)
     trusted = trust.main("local", None, tmp_path / "trust.json", quick=True)
