@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from docs import baking_tables
 from docs.baking_tables import origin
+from docs.method_names import network_name
 
 ROOT = Path(__file__).parents[1]
 
@@ -25,7 +26,7 @@ def demo_table(result: dict[str, Any]) -> str:
     lines = ["| method | seconds | relrmse | skill | equivalent rays |", "|---|--:|--:|--:|--:|"]
     for row in result["rows"]:
         numbers = [_cell(row["seconds"], 3), _cell(row["relrmse"], 4), _cell(row["skill"], 3)]
-        lines.append(f"| {row['method']} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
+        lines.append(f"| {network_name(row['method'])} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
     arguments = result["arguments"]
     lines += ["", f"{arguments['mesh'].capitalize()}, {result['vertices']} vertices, {origin(result)}, seed 0."]
     return "\n".join(lines)
