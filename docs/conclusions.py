@@ -3,6 +3,7 @@
 A test holds the words to the committed results.
 """
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from docs.method_names import method_name
 
 Results = dict[str, dict[str, Any]]
 TARGET = 0.02
+YARDSTICK_RAYS = (4, 8, 16)
+WIDTH = 125  # of a line of the documents
 
 
 def numbers(result: dict[str, Any], method: str, key: str) -> np.ndarray:
@@ -40,6 +43,19 @@ def _skill(result: dict[str, Any], method: str) -> str:
 def _time(result: dict[str, Any], method: str) -> float:
     """Median microseconds a vertex, graph and network together."""
     return float(np.median(numbers(result, method, "graph_us") + numbers(result, method, "network_us")))
+
+
+def beaten(result: dict[str, Any], method: str) -> str:
+    """On how many meshes some plain bake has a smaller error in less time than graph and network together."""
+    if "graph_us" not in result["rows"][0]["methods"][method]:
+        return "-"
+    wins = 0
+    for row in result["rows"]:
+        mine = row["methods"][method]
+        bakes = (row["methods"][f"plain bake, {rays} rays"] for rays in YARDSTICK_RAYS)
+        time = mine["graph_us"] + mine["network_us"]
+        wins += any(bake["mse"] <= mine["mse"] and bake["network_us"] <= time for bake in bakes)
+    return f"{wins} of {len(result['rows'])}"
 
 
 def baking(results: Results) -> str:
@@ -115,6 +131,23 @@ def trust(results: Results) -> str:
         f"**`predicted_error` shows where to look, and is no error bar.** It is within a factor of two of the true "
         f"error on {close} of {len(meshes)} meshes, and ranks the vertices of a mesh with a correlation of "
         f"{np.median(ranks):.2f} at the median."
+    )
+
+
+def verdict(results: Results) -> str:
+    """What the README says below the table of one mesh, from the tables of many."""
+    result = results["neural_gash"]
+    mlp, two_stage = ("mlp-long", "two-stage-long")
+    rays = median_rays([row["methods"][mlp]["equivalent_rays"] for row in result["rows"]])
+    return textwrap.fill(
+        "That is one mesh on one machine. Over many unseen meshes ([results](docs/results.md)): timed side by side, "
+        f"`local` takes less time than the plain bake of the same error on {faster(results['local_speed'])}. A plain "
+        f"bake of {YARDSTICK_RAYS[-1]} rays or fewer has less error in less time than `two-stage`, the published graph "
+        f"network, on {beaten(result, two_stage)}, and than `mlp` on {beaten(result, mlp)}; the error of `mlp` is that "
+        f"of {rays} rays at the median. What networks offer is a prediction without rays, and the tables are there to "
+        "say what that costs.",
+        WIDTH,
+        break_on_hyphens=False,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from docs import local_tables
 from docs.baking_tables import origin
 from docs.cga_table import encodings
-from docs.conclusions import conclusions, median_rays
+from docs.conclusions import beaten, conclusions, median_rays
 from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
 from experiments.neural_gash.variants import LONG
@@ -30,7 +30,6 @@ PAPER = {
     "Heart": (29661, 1619.2, 2730.3),
     "Anatomy": (33995, 1908.6, 4886.8),
 }
-YARDSTICKS = ("plain bake, 4 rays", "plain bake, 8 rays", "plain bake, 16 rays")
 
 
 def _median(values: list[Any], digits: int) -> str:
@@ -59,22 +58,9 @@ def summary(result: dict[str, Any]) -> str:
         ]
         cells += [median_rays(_column(result, method, "equivalent_rays"))]
         cells += [_median(_column(result, method, key), 2) for key in ("graph_us", "network_us")]
-        rows.append([*cells, _beaten(result, method)])
+        rows.append([*cells, beaten(result, method)])
     header = ["method", "median skill", "worst", "relrmse", "equivalent rays", "graph us", "network us", "bake wins"]
     return _table(header, rows)
-
-
-def _beaten(result: dict[str, Any], method: str) -> str:
-    """On how many meshes some plain bake has a smaller error in less time than graph and network together."""
-    if "graph_us" not in result["rows"][0]["methods"][method]:
-        return "-"
-    wins = 0
-    for row in result["rows"]:
-        mine = row["methods"][method]
-        time = mine["graph_us"] + mine["network_us"]
-        bakes = (row["methods"][name] for name in YARDSTICKS)
-        wins += any(bake["mse"] <= mine["mse"] and bake["network_us"] <= time for bake in bakes)
-    return f"{wins} of {len(result['rows'])}"
 
 
 def per_mesh(result: dict[str, Any]) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import corpus_sizes
 from docs import results_page
 from docs.conclusions import median_rays
 from experiments.local import speed, trust
@@ -68,6 +69,12 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
     assert f"{row['methods']['local']['skill']:.3f}" in text
+
+
+def test_sizes_of_the_corpora() -> None:
+    base, local = corpus_sizes.main(None, quick=True)["rows"]
+    assert (base["asked"], local["asked"]) == ([1000, 10000], [200, 10000])
+    assert 0.6 * 1000 < base["least"] <= base["median"] <= base["most"] < 1.5 * 10000
 
 
 def test_median_of_equivalent_rays_knows_bounds() -> None:
