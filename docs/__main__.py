@@ -4,16 +4,19 @@ Tables come from docs/results/*.json, copies of what `make demo` wrote and of wh
 experiments/ wrote with --output; the graph of rooms comes from the imports themselves. A test compares.
 """
 
+from docs.conclusions import verdict
 from docs.model_cards import committed_cards
-from docs.results_page import committed_page
+from docs.results_page import committed_page, committed_results
 from docs.rooms import document as rooms
-from docs.tables import ROOT, documents
+from docs.tables import ROOT, documents, fill
 
 
 def generated() -> dict[str, str]:
     """Every document with a generated part, by its path from the root, as it should be."""
+    texts = documents()
+    texts["README.md"] = fill(texts["README.md"], "VERDICT", verdict(committed_results()))
     cards, page = committed_cards(), committed_page()
-    return {**documents(), "CONTRIBUTING.md": rooms(), "docs/model_cards.md": cards, "docs/results.md": page}
+    return {**texts, "CONTRIBUTING.md": rooms(), "docs/model_cards.md": cards, "docs/results.md": page}
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from scipy.stats import t as student
 
 from docs.local_tables import table
 
-FORMS = {"gnn": "published", "rings": "ours"}
+FORMS = {"gnn": "published: GATv2", "rings": "ours: `rings`"}
 ENCODINGS = {
     "position-normal": "position and normal, 6 numbers",
     "motor-7": "motor, 7 numbers",
@@ -30,15 +30,28 @@ def _median_skill(row: dict[str, Any]) -> float:
     return float(np.median([value for value in row["meshes"].values() if isinstance(value, float)]))
 
 
+def _cells(result: dict[str, Any]) -> dict[tuple[str, str], dict[int, dict[str, Any]]]:
+    """Runs by form and encoding, then by seed."""
+    cells: dict[tuple[str, str], dict[int, dict[str, Any]]] = {}
+    for row in result["rows"]:
+        cells.setdefault((row["form"], row["encoding"]), {})[row["seed"]] = row
+    return cells
+
+
+def seed_differences(result: dict[str, Any], form: str, encoding: str) -> str:
+    """By how much the skill on generated shapes differs from that of position and normal; - without common seeds."""
+    cells = _cells(result)
+    cell, plain = cells.get((form, encoding), {}), cells.get((form, "position-normal"), {})
+    gain = np.array([cell[seed]["skill"] - plain[seed]["skill"] for seed in sorted(set(cell) & set(plain))])
+    return interval(gain) if gain.size else "-"
+
+
 def encodings(result: dict[str, Any]) -> str:
     """A row for each form and encoding: skills with intervals over seeds, and the difference to position and normal.
 
     Runs of one seed see the same batches, so differences are taken seed by seed.
     """
-    by_cell: dict[tuple[str, str], dict[int, dict[str, Any]]] = {}
-    for row in result["rows"]:
-        by_cell.setdefault((row["form"], row["encoding"]), {})[row["seed"]] = row
-    rows = []
+    by_cell, rows = _cells(result), []
     for form, encoding in sorted(by_cell, key=lambda cell: (cell[0], list(ENCODINGS).index(cell[1]))):
         cell, plain = by_cell[form, encoding], by_cell.get((form, "position-normal"), {})
         cells = [FORMS[form], ENCODINGS[encoding], str(next(iter(cell.values()))["parameters"])]

@@ -30,7 +30,7 @@ LIMITS = {
 }
 
 
-def card(name: str, path: Path, result: dict[str, Any]) -> str:
+def card(name: str, path: Path, result: dict[str, Any], corpora: dict[str, Any]) -> str:
     """The section of one model."""
     model = load_model(name)
     run, parameters = model.metadata["run"], sum(leaf.size for leaf in map(np.asarray, _leaves(model.params)))
@@ -38,7 +38,11 @@ def card(name: str, path: Path, result: dict[str, Any]) -> str:
     budget = f"{train['seconds']:.0f} s of {'CPU time of each core' if train.get('clock') == 'cpu' else 'wall time'}"
     rows = [row["methods"][MEASURED[name]] for row in result["rows"]]
     skills = [row["skill"] for row in rows if isinstance(row["skill"], float)]
-    shapes = f"{data['shapes']} generated shapes of {data['min_vertices']} to {data['max_vertices']} vertices"
+    shapes = (
+        f"{data['shapes']} generated shapes, asked for {data['min_vertices']} to {data['max_vertices']} vertices each"
+    )
+    made = {row["config"]: row for row in corpora["rows"]}["local" if name == "local" else "base"]
+    shapes += f" (made with {made['least']} to {made['most']})"
     lines = [
         ["parameters", f"{parameters} in {path.stat().st_size / 1e6:.2f} MB"],
         ["trained on", f"{shapes}, labels of {data['rays']} rays; no mesh from elsewhere"],
@@ -54,16 +58,17 @@ def _leaves(tree: Any) -> list[Any]:
     return [leaf for value in tree.values() for leaf in _leaves(value)] if isinstance(tree, dict) else [tree]
 
 
-def cards(result: dict[str, Any]) -> str:
+def cards(result: dict[str, Any], corpora: dict[str, Any]) -> str:
     """The whole document."""
     head = "# Model cards\n\nThe weights inside the package. Measures are those of [the results](results.md): "
     head += (
         f"{len(result['rows'])} meshes that no network has seen, references of {result['arguments']['rays']} rays.\n"
     )
-    sections = [card(name, path, result) for name, path in shipped_models().items()]
+    sections = [card(name, path, result, corpora) for name, path in shipped_models().items()]
     return "\n".join([head, *sections, f"{origin(result)}.\n"])
 
 
 def committed_cards() -> str:
     """The document of the results that are committed."""
-    return cards(json.loads((ROOT / "docs" / "results" / "neural_gash.json").read_text()))
+    folder = ROOT / "docs" / "results"
+    return cards(*(json.loads((folder / f"{name}.json").read_text()) for name in ("neural_gash", "corpus_sizes")))

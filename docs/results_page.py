@@ -14,7 +14,10 @@ import numpy as np
 from docs import local_tables
 from docs.baking_tables import origin
 from docs.cga_table import encodings
+from docs.conclusions import beaten, conclusions, median_rays
 from docs.local_tables import table as _table
+from docs.method_names import key_of_names, method_name
+from experiments.neural_gash.variants import LONG
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,23 +30,11 @@ PAPER = {
     "Heart": (29661, 1619.2, 2730.3),
     "Anatomy": (33995, 1908.6, 4886.8),
 }
-YARDSTICKS = ("plain bake, 4 rays", "plain bake, 8 rays", "plain bake, 16 rays")
 
 
 def _median(values: list[Any], digits: int) -> str:
     numbers = [value for value in values if isinstance(value, float)]
     return f"{np.median(numbers):.{digits}f}" if numbers else "-"
-
-
-def _rays(values: list[Any]) -> str:
-    """Median of equivalent rays, of which some are only bounds."""
-
-    def rank(value: Any) -> float:
-        return value if isinstance(value, float) else 0.0 if value.startswith("<") else float("inf")
-
-    known = sorted((value for value in values if value != "no transfer"), key=rank)
-    middle = known[len(known) // 2]
-    return f"{middle:.1f}" if isinstance(middle, float) else middle
 
 
 def _methods(result: dict[str, Any]) -> list[str]:
@@ -59,25 +50,17 @@ def summary(result: dict[str, Any]) -> str:
     rows = []
     for method in _methods(result):
         skills = [value for value in _column(result, method, "skill") if isinstance(value, float)]
-        cells = [method, _median(skills, 3), f"{min(skills):.2f}", _median(_column(result, method, "relrmse"), 4)]
-        cells += [_rays(_column(result, method, "equivalent_rays"))]
+        cells = [
+            method_name(method),
+            _median(skills, 3),
+            f"{min(skills):.2f}",
+            _median(_column(result, method, "relrmse"), 4),
+        ]
+        cells += [median_rays(_column(result, method, "equivalent_rays"))]
         cells += [_median(_column(result, method, key), 2) for key in ("graph_us", "network_us")]
-        rows.append([*cells, _beaten(result, method)])
+        rows.append([*cells, beaten(result, method)])
     header = ["method", "median skill", "worst", "relrmse", "equivalent rays", "graph us", "network us", "bake wins"]
     return _table(header, rows)
-
-
-def _beaten(result: dict[str, Any], method: str) -> str:
-    """On how many meshes some plain bake has a smaller error in less time than graph and network together."""
-    if "graph_us" not in result["rows"][0]["methods"][method]:
-        return "-"
-    wins = 0
-    for row in result["rows"]:
-        mine = row["methods"][method]
-        time = mine["graph_us"] + mine["network_us"]
-        bakes = (row["methods"][name] for name in YARDSTICKS)
-        wins += any(bake["mse"] <= mine["mse"] and bake["network_us"] <= time for bake in bakes)
-    return f"{wins} of {len(result['rows'])}"
 
 
 def per_mesh(result: dict[str, Any]) -> str:
@@ -88,7 +71,7 @@ def per_mesh(result: dict[str, Any]) -> str:
         skills = [row["methods"][name]["skill"] for name in models]
         cells = [f"{skill:.2f}" if isinstance(skill, float) else skill for skill in skills]
         rows.append([row["mesh"], str(row["vertices"]), *cells])
-    return _table(["mesh", "vertices", *models], rows)
+    return _table(["mesh", "vertices", *map(method_name, models)], rows)
 
 
 def visibility(result: dict[str, Any]) -> str:
@@ -100,7 +83,11 @@ def visibility(result: dict[str, Any]) -> str:
         for name in models:
             cells += [f"{row['methods'][name][key]:.3f}" for key in ("accuracy", "balanced_accuracy")]
         rows.append([row["mesh"], *cells])
-    header = ["mesh", "majority class", *(f"{name}, {key}" for name in models for key in ("accuracy", "balanced"))]
+    header = [
+        "mesh",
+        "majority class",
+        *(f"{method_name(name)}: {key}" for name in models for key in ("accuracy", "balanced")),
+    ]
     return _table(header, rows) if models else ""
 
 
@@ -111,7 +98,7 @@ def coefficients(result: dict[str, Any]) -> str:
     for name in ["closed form", *models]:
         for key, label in (("mse_per_coefficient", "MSE"), ("std", "std")):
             values = np.median(np.array(_column(result, name, key)), axis=0)
-            rows.append([f"{name}, {label}", *(f"{value:.1e}" for value in values)])
+            rows.append([f"{method_name(name)}: {label}", *(f"{value:.1e}" for value in values)])
     return _table(["1-based index", *(str(i + 1) for i in range(9))], rows)
 
 
@@ -139,7 +126,7 @@ def moving_scene(result: dict[str, Any]) -> str:
         cells = [f"{row['skill']:.3f}", f"{row['flicker']:.4f}"]
         for light in ("dark", "normal", "bright"):
             cells += [f"{row[light]['psnr']:.1f}", f"{row[light]['ssim']:.3f}"]
-        rows.append([name, *cells])
+        rows.append([method_name(name), *cells])
     lights = [f"{light} {key}" for light in ("dark", "normal", "bright") for key in ("PSNR", "SSIM")]
     return _table(["method", "skill", "flicker", *lights], rows)
 
@@ -165,12 +152,19 @@ def sweep(path: Path) -> str:
 
 def renewed(result: dict[str, Any]) -> str:
     """Where rows come from that were measured after the others."""
-    return "".join(f" `{name}`: {origin(entry)}." for name, entry in result.get("renewed", {}).items())
+    return "".join(
+        f" Row of {method_name(name)}: {origin(entry)}." for name, entry in result.get("renewed", {}).items()
+    )
 
 
 def trained_at(result: dict[str, Any]) -> str:
     """The commits of the runs of a sweep."""
     return ", ".join(sorted({row["commit"] for row in result["rows"]}))
+
+
+def _long() -> str:
+    """The longer budgets, as a phrase."""
+    return " and ".join(f"{seconds / 60:.0f} minutes ({method_name(name)})" for name, seconds in LONG.items())
 
 
 def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
@@ -179,6 +173,9 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     result, times, scene = (results[name] for name in ("neural_gash", "latency", "scene"))
     trust, speed = results["local_trust"], results["local_speed"]
     tables = {
+        "CONCLUSIONS": conclusions(results),
+        "NAMES": key_of_names(),
+        "LONG": _long(),
         "SUMMARY": summary(result),
         "MESHES": per_mesh(result),
         "VISIBILITY": visibility(result),
@@ -206,11 +203,15 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     return text
 
 
-RESULTS = ("neural_gash", "latency", "scene", "local_trust", "local_speed")
+RESULTS = ("neural_gash", "latency", "scene", "local_trust", "local_speed", "calibration", "error_target")
+
+
+def committed_results() -> dict[str, dict[str, Any]]:
+    """The results that are committed, by name."""
+    results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
+    return results | {"cga": json.loads((ROOT / "experiments" / "cga" / "results.json").read_text())}
 
 
 def committed_page() -> str:
     """The document of the results that are committed."""
-    results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
-    results["cga"] = json.loads((ROOT / "experiments" / "cga" / "results.json").read_text())
-    return page(results, ROOT / "experiments" / "latent_depth" / "results.csv")
+    return page(committed_results(), ROOT / "experiments" / "latent_depth" / "results.csv")

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from docs import baking_tables
 from docs.baking_tables import origin
+from docs.method_names import network_name
 
 ROOT = Path(__file__).parents[1]
 
@@ -25,7 +26,7 @@ def demo_table(result: dict[str, Any]) -> str:
     lines = ["| method | seconds | relrmse | skill | equivalent rays |", "|---|--:|--:|--:|--:|"]
     for row in result["rows"]:
         numbers = [_cell(row["seconds"], 3), _cell(row["relrmse"], 4), _cell(row["skill"], 3)]
-        lines.append(f"| {row['method']} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
+        lines.append(f"| {network_name(row['method'])} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
     arguments = result["arguments"]
     lines += ["", f"{arguments['mesh'].capitalize()}, {result['vertices']} vertices, {origin(result)}, seed 0."]
     return "\n".join(lines)
@@ -63,6 +64,15 @@ def hard_cases_table(result: dict[str, Any]) -> str:
     return "\n".join([*lines, "", f"{len(result['rows'])} cases; {origin(result)}."])
 
 
+def corpus_table(result: dict[str, Any]) -> str:
+    """How many vertices the shapes have that networks are trained and validated on."""
+    lines = ["| corpus | shapes | vertices asked for | vertices made: least, median, most |", "|---|--:|--:|--:|"]
+    for row in result["rows"]:
+        made = f"{row['least']}, {row['median']:.0f}, {row['most']}"
+        lines.append(f"| `{row['config']}` | {row['shapes']} | {' to '.join(map(str, row['asked']))} | {made} |")
+    return "\n".join([*lines, "", f"{origin(result)}, seed {result['seed']}."])
+
+
 class Table(NamedTuple):
     """A marked table: where it stands, its name, what makes it, and from which results."""
 
@@ -75,6 +85,7 @@ class Table(NamedTuple):
 TABLES = (
     Table("README.md", "DEMO", demo_table, "demo.json"),
     Table("README.md", "SPEED", speed_table, "bake_speed.json"),
+    Table("README.md", "CORPUS", corpus_table, "corpus_sizes.json"),
     Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
     Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
     Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),

@@ -43,6 +43,11 @@ def _exists(word: str, folder: Path) -> bool:
     )
 
 
+def _leaves(path: str, folder: Path) -> bool:
+    """Whether a path leads out of the repository."""
+    return path.startswith("..") and not (folder / path).resolve().is_relative_to(ROOT)
+
+
 def _resolves(name: str) -> bool:
     """Whether a dotted name is a module or something in one."""
     parts = name.split(".")
@@ -64,9 +69,10 @@ def missing(text: str, folder: Path, markdown: bool) -> list[str]:
     found = []
     for span in code_spans(text, markdown):
         for word in re.split(r"[\s,;()'\"=]+", span):
-            word = word.strip(".:[]")
-            if re.fullmatch(r"[\w./*-]+", word) and _is_ours(word) and not _exists(word, folder):
-                found.append(word)
+            word = word.strip(":[]").rstrip(".:[]")
+            if re.fullmatch(r"[\w./*-]+", word):
+                if _leaves(word, folder if markdown else ROOT) or (_is_ours(word) and not _exists(word, folder)):
+                    found.append(word)
         for module in re.findall(r"python -m ([\w.]+)", span):
             place = ROOT / module.replace(".", "/")
             ours = place.with_suffix(".py").exists() or (place / "__main__.py").exists()
@@ -78,8 +84,12 @@ def missing(text: str, folder: Path, markdown: bool) -> list[str]:
             # `train.seconds` is a key of a config
             if (room in ROOMS and room != "train") and not _resolves(f"gash_jax.{name}"):
                 found.append(name)
-    links = re.findall(r"\]\(([^)#\s]+)", text) if markdown else []
-    return found + [link for link in links if "://" not in link and not (folder / link).exists()]
+    # sources in words: THIS item 3, THIS: "A section"
+    found += [
+        name for name in re.findall(r"\b([A-Z]{4,})(?: item \d|: \")", text) if not (ROOT / f"{name}.md").exists()
+    ]
+    links = [link for link in re.findall(r"\]\(([^)#\s]+)", text) if "://" not in link] if markdown else []
+    return found + [link for link in links if _leaves(link, folder) or not (folder / link).exists()]
 
 
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
@@ -108,6 +118,10 @@ def test_docstrings_and_comments_name_what_exists() -> None:
         "`prt.no_such`",
         "`gash_jax.prt.bake.no_such`",
         "`tests/prt/no_*.py`",
+        "[beside the repository](../)",
+        "`../no_such/data`",
+        "NOSUCH item 3 says so",
+        'as in NOSUCH: "A section"',
     ],
 )
 def test_names_that_lead_nowhere_are_found(text: str) -> None:
@@ -120,6 +134,7 @@ def test_names_that_lead_nowhere_are_found(text: str) -> None:
         "`docs/baking.md` `nn/attention.py` `gash_numpy.py` [a page](docs/baking.md) [a site](https://no.such)",
         "```\nmake test\n.venv/bin/python -m docs\n.venv/bin/python -m pytest tests/ROOM/test_FILE.py\n```",
         "`gash_jax.prt.bake.bake_transfer` `prt.bake` `docs/results/*.json` `head/kernel` `bunny.ply` `train.seconds`",
+        'as in README: "The files"',
     ],
 )
 def test_names_that_exist_and_words_of_other_kinds_pass(text: str) -> None:

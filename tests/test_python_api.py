@@ -1,4 +1,4 @@
-"""The public API, as README and DESIGN show it."""
+"""The public API, as the README shows it."""
 
 from pathlib import Path
 

@@ -1,10 +1,13 @@
 """The comparison of the variants runs in its quick mode, and the results page is made of what it writes."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+from benchmarks import corpus_sizes
 from docs import results_page
+from docs.conclusions import median_rays
 from experiments.local import speed, trust
 from experiments.neural_gash import evaluate, latency, pictures, scene, variants
 from gash_jax.models.families import build_model, model_config, model_graph
@@ -43,7 +46,7 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     assert (tmp_path / "results.json").stat().st_size > 1000 and (tmp_path / "scene.json").stat().st_size > 1000
     times = latency.main(str(tmp_path / "two-stage" / "model.npz"), None, tmp_path / "latency.json", quick=True)
     assert all(row["stage1"] > 0 and row["bake"] > 0 for row in times["rows"])
-    (picture,) = pictures.main(tmp_path, None, tmp_path, quick=True)
+    (picture,) = pictures.main(None, tmp_path, quick=True)
     assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
     (tmp_path / "sweep.csv").write_text(SWEEP)
     trusted = trust.main("local", None, tmp_path / "trust.json", quick=True)
@@ -54,17 +57,29 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     assert all(row["network"] > 0 for row in fast["rows"]) and fast["sizes"][0]["vertices"] == 10242
     results = {"neural_gash": result, "latency": times, "scene": moving, "local_trust": trusted, "local_speed": fast}
     run = {"form": "gnn", "encoding": "motor", "seed": 0, "parameters": 1, "steps": 2, "skill": 0.5, "commit": "c"}
+    committed = Path(results_page.__file__).parent / "results"
+    results |= {name: json.loads((committed / f"{name}.json").read_text()) for name in ("calibration", "error_target")}
     results["cga"] = {**{key: result[key] for key in ("machine", "commit")}, "rows": [{**run, "meshes": {"a": 0.25}}]}
     text = results_page.page(results, tmp_path / "sweep.csv")
-    assert "<!--" not in text and "| two-stage + AO |" in text and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
+    assert (
+        "<!--" not in text
+        and "| TransformerConv + GATv2; with ambient occlusion |" in text
+        and "| 8 | 1 | 2746 | 4.8 | 0.900 ± 0.100 |" in text
+    )
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
     assert f"{row['methods']['local']['skill']:.3f}" in text
 
 
+def test_sizes_of_the_corpora() -> None:
+    base, local = corpus_sizes.main(None, quick=True)["rows"]
+    assert (base["asked"], local["asked"]) == ([1000, 10000], [200, 10000])
+    assert 0.6 * 1000 < base["least"] <= base["median"] <= base["most"] < 1.5 * 10000
+
+
 def test_median_of_equivalent_rays_knows_bounds() -> None:
-    assert results_page._rays(["< 4", 8.25, ">= 512"]) == "8.2"
-    assert results_page._rays(["< 4", "< 4", 16.0]) == "< 4"
+    assert median_rays(["< 4", 8.25, ">= 512"]) == "8.2"
+    assert median_rays(["< 4", "< 4", 16.0]) == "< 4"
 
 
 def test_the_moving_scene_keeps_its_vertices() -> None:

@@ -11,7 +11,7 @@ def shared_file(name: str) -> Path:
     """Path of a file of the optional data folder, or skip the test."""
     path = SHARED / "data" / name
     if not path.exists():
-        pytest.skip(f"needs the optional data folder: ../shared/data/{name} is absent")
+        pytest.skip(f"needs the optional data folder beside the checkout: {name} is absent")
     return path
 
 
@@ -19,5 +19,5 @@ def shared_case(name: str) -> Path:
     """Path of a file of the optional folder of inputs that once went wrong, or skip the test."""
     path = SHARED / "cases" / name
     if not path.exists():
-        pytest.skip(f"needs the optional cases folder: ../shared/cases/{name} is absent")
+        pytest.skip(f"needs the optional folder of cases beside the checkout: {name} is absent")
     return path

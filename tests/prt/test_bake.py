@@ -25,7 +25,7 @@ def test_convex_body_is_unshadowed(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", ["embree", "jax"])
 def test_spherical_cavity(backend: str) -> None:
-    """REFERENCES item 3: ambient occlusion (1 - cos a)/2 at every vertex of a bowl with opening half-angle a."""
+    """Ambient occlusion (1 - cos a)/2 at every vertex of a bowl with opening half-angle a."""
     opening = np.radians(60)
     mesh = spherical_bowl(opening, 10)
     baked = bake_transfer(mesh, bands=1, rays=256, backend=backend)
@@ -36,7 +36,7 @@ def test_spherical_cavity(backend: str) -> None:
 
 
 def test_groove() -> None:
-    """REFERENCES item 5: AO = sin²(w/2) everywhere on the faces of an infinite groove of opening w."""
+    """AO = sin²(w/2) everywhere on the faces of an infinite groove of opening w."""
     opening = np.radians(70)
     mesh = v_groove(opening, 400.0, 12)
     baked = bake_transfer(mesh, bands=1, rays=1024)

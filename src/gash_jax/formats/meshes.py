@@ -27,7 +27,14 @@ if TYPE_CHECKING:
     import trimesh
 
     MeshLike: TypeAlias = (
-        str | os.PathLike[str] | Mesh | trimesh.Trimesh | trimesh.Scene | tuple[Any, Any] | tuple[Any, Any, Any] | list[Any]
+        str
+        | os.PathLike[str]
+        | Mesh
+        | trimesh.Trimesh
+        | trimesh.Scene
+        | tuple[Any, Any]
+        | tuple[Any, Any, Any]
+        | list[Any]
     )
 else:  # naming trimesh's types would import it
     MeshLike = Any
@@ -107,7 +114,9 @@ def _raw(source: MeshLike) -> RawMesh:
             "or arrays (vertices, faces[, normals])"
         )
     if len(source) not in (2, 3):
-        raise MeshError(f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them")
+        raise MeshError(
+            f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them"
+        )
     vertices, faces, *rest = (_array(part, name) for part, name in zip(source, ("vertices", "faces", "normals")))
     return RawMesh(vertices, faces, rest[0] if rest else None, ())
 
@@ -116,4 +125,6 @@ def _array(values: object, name: str) -> np.ndarray:
     try:
         return np.asarray(values)
     except (TypeError, ValueError):  # ragged lists; arrays that JAX is tracing
-        raise MeshError(f"{name} are no array of numbers: give a NumPy or JAX array outside of jit, grad and vmap") from None
+        raise MeshError(
+            f"{name} are no array of numbers: give a NumPy or JAX array outside of jit, grad and vmap"
+        ) from None

@@ -125,7 +125,7 @@ def bake_to_error(
     backend: str = "embree",
     progress: ProgressFn | None = None,
 ) -> Transfer:
-    """Bake shadowed diffuse transfer to a relative RMS error over the mesh (DESIGN: relrmse).
+    """Bake shadowed diffuse transfer to a relative RMS error over the mesh (relrmse).
 
     `standard_error` is calibrated for irregular scenes; read it with Student's t at 3 degrees of freedom. The
     metadata's `modelled` says which share of the vertices stayed with a formula and how many rays each round took;

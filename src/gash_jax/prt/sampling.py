@@ -9,7 +9,7 @@ itself (Cranley & Patterson 1976), so that every use gives an estimate without b
 shift is a *row* of rays. The shift w only turns the row about the normal. So it goes into the row's frame, and sine and
 cosine of the azimuth are computed once for each point and once for each row, never for each ray.
 
-Two point sets: Hammersley's (DESIGN: "plain bake"), and Korobov's (v(i), frac(K v(i))), v(i) the binary digits of i
+Two point sets: Hammersley's (the plain bake's), and Korobov's (v(i), frac(K v(i))), v(i) the binary digits of i
 mirrored at the point. The first 2^m points of the latter, for every m up to 20, are a lattice (closed under addition
 modulo 1), and so is, up to a shift, every aligned block of 2^m points: it can be doubled again and again, and keeps
 the rays that were traced. K was chosen by the mean error of transfer behind random half-spaces and caps up to 2^11

@@ -1,4 +1,4 @@
-"""What a bake or a prediction is, and the transfer file (DESIGN: "Transfer file").
+"""What a bake or a prediction is, and its file (README: "The files").
 
 t_k(v) = (1/pi) * integral over the sphere of V(v, w) max(n_v . w, 0) Y_k(w) dw. Without shadows V = 1 and the
 integral is a formula, `algebra.closed_forms.unshadowed_transfer`.
@@ -40,7 +40,7 @@ class Transfer(Container):
 
     Where surfaces are coloured there are coefficients for red, green and blue light, (v, k, 3). `standard_error` is
     that of sampled results; `predicted_error` is the RMS error that a network expects of itself. Glossy transfer is
-    held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices` (DESIGN), in float32 or
+    held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices`, in float32 or
     float16. Rows of a bake have no faces.
     """
 

@@ -36,4 +36,19 @@ def test_exposure_and_srgb_by_hand() -> None:
     assert exposure_for([(image, coverage)]) == pytest.approx(2.0)
     assert to_srgb(image, coverage, 2.0)[0, 0, 0] == 243  # 0.9 linear is 0.9547 in sRGB
     assert to_srgb(-image, coverage, 2.0).max() == 0 and to_srgb(9 * image, coverage, 2.0).min() == 255
-    assert to_srgb(0 * image, 0 * coverage, 5.0)[0, 0, 0] == 39  # the ground does not depend on the exposure
+
+
+def test_the_ground_is_a_gradient_whatever_the_exposure() -> None:
+    image, coverage = np.full((4, 4, 3), 0.45), np.zeros((4, 4))
+    ground = to_srgb(0 * image, coverage, 5.0)
+    assert (ground == to_srgb(0 * image, coverage, 0.1)).all()
+    assert ground[:, 0, 0].tolist() == [89, 124, 149, 170]  # 0.1 to 0.4 linear in sRGB
+
+
+def test_front_looks_at_what_faces_z() -> None:
+    """A nose towards +z is in the middle of the front view, and hidden from the back."""
+    ball = icosphere(3)
+    nose = (ball.vertices[:, 2:] > 0.9).astype(np.float32)
+    front, back = (shade_view(cast_view(ball, view, 65), nose)[0][..., 0] for view in ("front", "back"))
+    column = np.average(np.arange(65), weights=front.sum(0))
+    assert abs(column - 32) < 0.5 and not back.any()

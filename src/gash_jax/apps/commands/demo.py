@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from gash_jax.apps.options import PATH, Command, check_layout, layout_option, quiet_option
-from gash_jax.apps.pictures.montage import montage, signed_colors, write_picture
+from gash_jax.apps.pictures.montage import Panel, montage, signed_colors, write_picture
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
@@ -38,6 +38,7 @@ from gash_jax.train.run import run_config
 
 DATA = DataConfig(shapes=96, validation_shapes=8, rays=256, min_vertices=600, max_vertices=1800)
 MODELS = ("mlp", "two-stage", "local")
+FULL = 0.3  # difference, in shares of white, at which colours are full
 UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the corpus
 
 
@@ -119,20 +120,21 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
 
 
 def _draw(mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path) -> None:
-    """Reference, closed form, prediction, difference, side by side under the light, front and back."""
+    """Reference, closed form, prediction and their differences under the light, front and back, at one exposure."""
     skills = {row["method"]: row["skill"] for row in rows}
     label = {n: f"skill {s:.2f}" if isinstance(s, float) else s for n, s in skills.items()}
     names = {"reference": f"reference\n{REFERENCE_RAYS} rays per vertex"}
     names |= {"closed form": f"closed form, no shadows\n{label['closed form']}"}
     names |= {"local": f"prediction (local), no rays\n{label['local']}"}
     radiance = {name: np.asarray(shade(found[name], light)) for name in names}
-    hits = {view: cast_view(mesh, view, 480) for view in ("front", "back")}
+    hits = {view: cast_view(mesh, view, 360) for view in ("front", "back")}
     exposure = exposure_for([shade_view(hit, radiance["reference"]) for hit in hits.values()])
     panels = []
-    for hit in hits.values():
+    for view, hit in hits.items():
         images = {name: shade_view(hit, values) for name, values in radiance.items()}
-        panels += [(names[name], to_srgb(*image, exposure)) for name, image in images.items()]
-        difference = (images["local"][0] - images["reference"][0]).mean(-1) * exposure
-        caption = "difference, prediction - reference\nblue darker, red brighter, full at 0.3"
-        panels.append((caption, signed_colors(difference, 0.3)))
-    write_picture(path, montage(panels, columns=4))
+        panels += [Panel(f"{names[name]}, {view}", to_srgb(*image, exposure)) for name, image in images.items()]
+        for name in ("closed form", "local"):
+            wrong = (images[name][0] - images["reference"][0]).mean(-1) * exposure
+            colors = signed_colors(wrong, FULL, images[name][1])
+            panels.append(Panel(f"{name} - reference\n(1 is white)", colors, FULL))
+    write_picture(path, montage(panels, columns=5))

@@ -5,9 +5,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from gash_jax.train.logs import read_lines
+
+# offsets in points and alignments at which a label of a point is tried
+PLACES = tuple(
+    ((x, sign * far), side, level)
+    for far in (4.0, 12.0)
+    for x, side in ((5.0, "left"), (-5.0, "right"), (0.0, "center"))
+    for sign, level in ((1.0, "bottom"), (-1.0, "top"))
+)
 
 
 def pareto_front(costs: np.ndarray) -> np.ndarray:
@@ -26,18 +37,39 @@ def plot_pareto(rows: Sequence[dict[str, Any]], axes: Sequence[str], path: Path)
     front = pareto_front(np.stack([time, error], -1))
     plot.plot(time[front], error[front], color="C1", zorder=1, label="Pareto front")
     plot.errorbar(time, error, yerr=spread, fmt="o", color="C0", capsize=3, label="run (bar: one deviation over seeds)")
-    for turn, index in enumerate(np.argsort(error)):
-        label = " ".join(f"{axis} {rows[index][axis]}" for axis in axes)
-        # neighbours in error would write over each other: by turns above and below
-        place = (4, 4) if turn % 2 else (4, -9)
-        plot.annotate(label, (time[index], error[index]), xytext=place, textcoords="offset points", fontsize=7)
     plot.set(xscale="log", xlabel="inference, us per vertex (graph built before)", ylabel="relrmse, validation shapes")
-    plot.margins(x=0.15)
-    for which in (plot.xaxis.set_major_formatter, plot.xaxis.set_minor_formatter):
-        which(lambda value, _: f"{value:g}")
-    plot.legend()
+    plot.margins(x=0.15, y=0.15)
+    plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    plot.xaxis.set_major_formatter("{x:g}")
+    plot.xaxis.set_minor_formatter(NullFormatter())
+    figure.legend(*plot.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     plot.grid(alpha=0.3)
+    bars = [np.array([[x, y - s], [x, y + s]]) for x, y, s in zip(time, error, spread, strict=True)]
+    labels = [" ".join(f"{axis} {row[axis]}" for axis in axes) for row in rows]
+    label_points(plot, labels, np.stack([time, error], -1), [*bars, np.stack([time[front], error[front]], -1)])
     figure.savefig(path, dpi=120)
+
+
+def label_points(plot: Axes, labels: Sequence[str], points: np.ndarray, lines: Sequence[np.ndarray]) -> list[Bbox]:
+    """Write every label beside its point (n, 2), where it covers no line (m, 2) and no other label; boxes in pixels.
+
+    A label that fits nowhere stands at the last of the places tried.
+    """
+    plot.get_figure(root=True).draw_without_rendering()  # type: ignore[union-attr]  # sets the axes' scale
+    steps = np.linspace(0.0, 1.0, 40)[:, None, None]
+    ends = [plot.transData.transform(line) for line in lines]
+    drawn = np.concatenate([((1 - steps) * line[:-1] + steps * line[1:]).reshape(-1, 2) for line in ends])
+    boxes: list[Bbox] = []
+    for label, point in zip(labels, points, strict=True):
+        text = plot.annotate(label, point, xytext=(0, 0), textcoords="offset points", fontsize=7)
+        for place, side, level in PLACES:
+            text.set(position=place, ha=side, va=level)
+            box = text.get_window_extent()
+            inside = plot.bbox.contains(*box.min) and plot.bbox.contains(*box.max)
+            if inside and not box.padded(3).count_contains(drawn) and not box.count_overlaps(boxes):
+                break
+        boxes.append(text.get_window_extent())
+    return boxes
 
 
 def plot_curves(folder: Path, path: Path) -> None:

@@ -2,6 +2,9 @@
 
 Radiance is linear in the transfer, so interpolating the radiance of the three corners equals interpolating their
 transfer. Pixels are averaged in linear light over `SAMPLES` x `SAMPLES` rays, exposed, clipped and written as sRGB.
+
+"Front" looks from +z, where the face of a figure is in most files (glTF defines it so). The ground behind the mesh
+grows lighter downwards, where bodies lit from above are dark: neither their lit nor their dark side melts into it.
 """
 
 from typing import NamedTuple
@@ -15,14 +18,15 @@ from gash_jax.prt.visibility import closest_hit
 
 SAMPLES = 2
 FIELD_OF_VIEW = np.radians(28.0)
-BACKGROUND = 0.02
+# linear radiance of the ground at the upper and at the lower edge of a picture, whatever the exposure
+GROUND = (0.1, 0.4)
 # azimuth from +z towards +x and elevation, degrees
 VIEWS = {
-    "front": (25.0, 12.0),
-    "side": (115.0, 12.0),
-    "back": (205.0, 20.0),
-    "top": (25.0, 65.0),
-    "below": (-40.0, -35.0),
+    "front": (0.0, 8.0),
+    "side": (90.0, 8.0),
+    "back": (180.0, 8.0),
+    "top": (0.0, 65.0),
+    "below": (0.0, -35.0),
 }
 
 
@@ -86,7 +90,8 @@ def exposure_for(views: list[tuple[np.ndarray, np.ndarray]]) -> float:
 def to_srgb(
     image: Float[np.ndarray, "h w 3"], coverage: Float[np.ndarray, "h w"], exposure: float
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Exposed linear radiance before a dark ground, as 8-bit sRGB (IEC 61966-2-1); negative and above 1 is clipped."""
-    linear = np.clip(np.maximum(image, 0) * exposure + BACKGROUND * (1 - coverage[..., None]), 0.0, 1.0)
+    """Exposed linear radiance before the ground, as 8-bit sRGB (IEC 61966-2-1); negative and above 1 is clipped."""
+    ground = np.linspace(*GROUND, len(image))[:, None, None]
+    linear = np.clip(np.maximum(image, 0) * exposure + ground * (1 - coverage[..., None]), 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-8) ** (1 / 2.4) - 0.055)
     return np.round(encoded * 255).astype(np.uint8)

@@ -1,0 +1,55 @@
+"""The conclusions of the results page say what the committed results say."""
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from docs import conclusions
+from docs.method_names import WHAT, method_name
+from docs.results_page import committed_results
+from gash_jax.models.families import FAMILIES
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, dict[str, Any]]:
+    return committed_results()
+
+
+def test_their_words_hold(results: dict[str, dict[str, Any]]) -> None:
+    methods = results["neural_gash"]["rows"][0]["methods"]
+    networks = [name for name in methods if "graph_us" in methods[name]]
+
+    def median(name: str) -> float:
+        return float(np.median(conclusions.numbers(results["neural_gash"], name, "skill")))
+
+    def time(name: str) -> float:
+        of = (conclusions.numbers(results["neural_gash"], name, key) for key in ("graph_us", "network_us"))
+        return float(sum(np.median(values) for values in of if values.size))
+
+    assert min(row["256 rays"][1] for row in results["calibration"]["rows"]) > 0.9  # "a bake knows its error"
+    assert median("local") > 0.9 and all(median(name) < 0.3 for name in networks if name != "local")
+    assert time("mlp") < 1.2 * min(map(time, networks))  # "the fastest of all", up to repetitions of itself
+    graphs = [name for name in networks if name.startswith(("gnn", "two-stage"))]
+    bake = "plain bake, 8 rays"
+    assert all(median(name) < median(bake) and time(name) > time(bake) for name in graphs)
+    assert conclusions.seed_differences(results["cga"], "gnn", "motor").startswith("-")
+    assert not conclusions.seed_differences(results["cga"], "rings", "relative-motor").startswith("-")
+    pyg = [row["pyg"] / (row["stage1"] + row["stage2"]) for row in results["latency"]["rows"] if row["pyg"]]
+    assert min(pyg) > 1.5  # "the code is fast"
+
+
+@pytest.mark.parametrize("write", conclusions.CONCLUSIONS)
+def test_their_numbers_are_those_of_the_results(write: Any, results: dict[str, dict[str, Any]]) -> None:
+    """Other results, other numbers."""
+    text = json.dumps(results)
+    other = json.loads(re.sub(r'(?<!"error": )(?<=[ \[])-?\d+\.\d+', lambda m: repr(1.5 * float(m[0])), text))
+    assert write(results) != write(other)
+
+
+def test_methods_have_names() -> None:
+    assert method_name("two-stage-long + AO") == "TransformerConv + GATv2, 90 min; with ambient occlusion"
+    assert method_name("plain bake, 8 rays") == "plain bake, 8 rays"
+    assert {name for name in WHAT if "student" not in name and name not in ("teacher", "mlp-deep")} <= set(FAMILIES)
