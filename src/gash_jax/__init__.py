@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gash_jax.algebra.closed_forms import unshadowed_transfer
+    from gash_jax.apps.pictures.render import render
+    from gash_jax.apps.pictures.show import show
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
-    from gash_jax.formats.meshes import load_mesh, read_mesh
-    from gash_jax.geometry.health import HealthReport, MeshError
-    from gash_jax.geometry.mesh import Mesh
-    from gash_jax.light.environment import Light, load_light, project_light, save_light
+    from gash_jax.formats.meshes import load_mesh, read_mesh, save_mesh
+    from gash_jax.geometry.health import HealthReport
+    from gash_jax.geometry.mesh import Mesh, MeshError
+    from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
     from gash_jax.models.deforming import deforming_predictor
     from gash_jax.models.model import Model, load_model
@@ -30,9 +32,11 @@ __version__ = version("gash-jax")
 
 _HOMES = {
     "algebra.closed_forms": ("unshadowed_transfer",),
-    "geometry.health": ("HealthReport", "MeshError"),
-    "geometry.mesh": ("Mesh",),
-    "formats.meshes": ("load_mesh", "read_mesh"),
+    "apps.pictures.render": ("render",),
+    "apps.pictures.show": ("show",),
+    "geometry.health": ("HealthReport",),
+    "geometry.mesh": ("Mesh", "MeshError"),
+    "formats.meshes": ("load_mesh", "read_mesh", "save_mesh"),
     "files.atomic": ("FileError",),
     "files.caches": ("keep_compiled_programs",),
     "files.settings": ("ConfigError",),
@@ -41,7 +45,7 @@ _HOMES = {
     "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
-    "light.environment": ("Light", "load_light", "project_light", "save_light"),
+    "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "light.shading": ("shade",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
@@ -70,9 +74,13 @@ __all__ = [
     "plan_bake",
     "project_light",
     "read_mesh",
+    "render",
+    "rotate_light",
     "save_light",
+    "save_mesh",
     "save_transfer",
     "shade",
+    "show",
     "unshadowed_transfer",
 ]
 

@@ -26,16 +26,8 @@ from gash_jax.geometry.mesh import Mesh, MeshError, transform
 if TYPE_CHECKING:
     import trimesh
 
-    MeshLike: TypeAlias = (
-        str
-        | os.PathLike[str]
-        | Mesh
-        | trimesh.Trimesh
-        | trimesh.Scene
-        | tuple[Any, Any]
-        | tuple[Any, Any, Any]
-        | list[Any]
-    )
+    _Arrays: TypeAlias = tuple[Any, Any] | tuple[Any, Any, Any] | list[Any]
+    MeshLike: TypeAlias = str | os.PathLike[str] | Mesh | trimesh.Trimesh | trimesh.Scene | _Arrays
 else:  # naming trimesh's types would import it
     MeshLike = Any
 
@@ -117,8 +109,8 @@ def _raw(source: MeshLike) -> RawMesh:
         raise MeshError(
             f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them"
         )
-    vertices, faces, *rest = (_array(part, name) for part, name in zip(source, ("vertices", "faces", "normals")))
-    return RawMesh(vertices, faces, rest[0] if rest else None, ())
+    normals = None if len(source) == 2 else _array(source[2], "normals")
+    return RawMesh(_array(source[0], "vertices"), _array(source[1], "faces"), normals, ())
 
 
 def _array(values: object, name: str) -> np.ndarray:

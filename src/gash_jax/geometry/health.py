@@ -14,11 +14,11 @@ and vertices stay as they are, only normals are computed. Counts are by vertex i
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Shaped
 
 from gash_jax.geometry.checks import checked_box, checked_faces, checked_normals, checked_vertices
 from gash_jax.geometry.findings import describe
-from gash_jax.geometry.mesh import Mesh, MeshError, face_areas, face_components, referenced, referenced_by
+from gash_jax.geometry.mesh import Mesh, face_areas, face_components, referenced, referenced_by
 from gash_jax.geometry.normals import VertexNormals, vertex_normals
 from gash_jax.geometry.orientation import Orientation, orient
 from gash_jax.geometry.topology import (

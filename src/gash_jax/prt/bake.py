@@ -100,12 +100,13 @@ def bake_transfer(
 ) -> Transfer:
     """Bake shadowed diffuse transfer with `rays` rays per vertex.
 
-    `mesh` is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. `replicates=1` is the plain bake (one rotation, no blending, no standard error); `None` means 4, or 1 below 16
-    rays. `frames` (columns tangent, bitangent, normal; in place of a choice by the normal alone) carries the rays
-    along with a mesh that is turned. `rows=slice(a, b)` bakes vertices a .. b - 1 alone, in the shadow of the whole
-    mesh, and returns them as points without faces: to the last bit those of the whole bake. `progress(done, total)` is
-    called with counts of vertices, from worker threads. Vertices without a usable normal get transfer 0. Raises
-    ValueError for options out of range.
+    `mesh` is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. `replicates=1` is the plain bake (one
+    rotation, no blending, no standard error); `None` means 4, or 1 below 16 rays. `frames` (columns tangent, bitangent,
+    normal; in place of a choice by the normal alone) carries the rays along with a mesh that is turned.
+    `rows=slice(a, b)` bakes vertices a .. b - 1 alone, in the shadow of the whole mesh, and returns them as points
+    without faces: to the last bit those of the whole bake. `progress(done, total)` is called with counts of vertices,
+    from worker threads. Vertices without a usable normal get transfer 0. Raises ValueError for options out of range,
+    MeshError for what is no mesh.
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     integrand, count, rays = direct(bands), choose_replicates(rays, replicates), int(rays)

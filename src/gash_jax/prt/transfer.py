@@ -84,8 +84,8 @@ def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "
     found = transfer if isinstance(transfer, np.ndarray | Array) else np.asarray(transfer)
     if found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or found.dtype.kind not in "fiu":
         raise ValueError(
-            f"transfer has shape {found.shape} {found.dtype}, not (vertices, bands^2) or (vertices, bands^2, 3) of real "
-            "numbers: give what a bake or a model returns"
+            f"transfer has shape {found.shape} {found.dtype}, not (vertices, bands^2[, 3]) of real numbers: "
+            "give what a bake or a model returns"
         )
     bands_of(found.shape[1])
     return found

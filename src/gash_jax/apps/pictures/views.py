@@ -7,7 +7,7 @@ transfer. Pixels are averaged in linear light over `SAMPLES` x `SAMPLES` rays, e
 grows lighter downwards, where bodies lit from above are dark: neither their lit nor their dark side melts into it.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -37,9 +37,13 @@ class Hit(NamedTuple):
     weights: np.ndarray  # (h, w, 3) float32
 
 
-def _camera(view: str) -> tuple[np.ndarray, np.ndarray]:
+# the name of a view, or azimuth and elevation in degrees
+Camera: TypeAlias = str | tuple[float, float]
+
+
+def _camera(view: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Eye position and a matrix with rows right, up, forward."""
-    azimuth, elevation = np.radians(VIEWS[view])
+    azimuth, elevation = np.radians(VIEWS[view] if isinstance(view, str) else view)
     eye = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
     forward = -eye
     right = np.cross(forward, [0.0, 1.0, 0.0])
@@ -47,7 +51,7 @@ def _camera(view: str) -> tuple[np.ndarray, np.ndarray]:
     return eye / np.sin(FIELD_OF_VIEW / 2), np.stack([right, np.cross(right, forward), forward])
 
 
-def cast_view(mesh: Mesh, view: str = "front", size: int = 512) -> Hit:
+def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512) -> Hit:
     """Find what each of size x size pixels (times SAMPLES²) sees; the mesh fills the frame."""
     geometry = trace_geometry(mesh)
     eye, axes = _camera(view)

@@ -1,0 +1,65 @@
+"""A relit picture of a transfer as an array, for scripts and notebooks."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Shaped, UInt8
+
+from gash_jax.algebra.arguments import whole_number
+from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.formats.meshes import as_mesh
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.light.environment import LightLike, rotate_light
+from gash_jax.light.shading import shade
+from gash_jax.prt.transfer import Transfer
+
+
+def render(
+    transfer: Transfer,
+    light: LightLike,
+    *,
+    rotation: Shaped[Any, "..."] | None = None,
+    exposure: float | None = None,
+    camera: Camera = "front",
+    size: int = 512,
+    albedo: Shaped[Any, "..."] | None = None,
+) -> UInt8[np.ndarray, "size size 3"]:
+    """A picture of the relit mesh, (size, size, 3) in 8-bit sRGB.
+
+    `rotation` (3, 3) turns the light, as `rotate_light` does, and leaves the mesh where it is. `exposure` multiplies
+    the radiance, of which 1 becomes white; None chooses it from the picture: give a number to compare pictures.
+    `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
+    degrees; the mesh fills the frame. `albedo` is as for `shade`. Raises ValueError for options out of range.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
+    >>> image = gash_jax.render(transfer, gash_jax.load_light("studio.hdr"), exposure=1.0, size=64)
+    >>> image.shape, image.dtype
+    ((64, 64, 3), dtype('uint8'))
+    """
+    if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
+        raise ValueError(f"exposure is {exposure!r}: use a number above 0, or None to choose one from the picture")
+    mesh, size = drawn_mesh(transfer), whole_number(size, "size", 16, 4096)
+    turned = light if rotation is None else rotate_light(light, rotation)
+    radiance = np.asarray(shade(transfer, turned, albedo), np.float32)
+    picture = shade_view(cast_view(mesh, checked_camera(camera), size), radiance)
+    return to_srgb(*picture, exposure_for([picture]) if exposure is None else float(exposure))
+
+
+def drawn_mesh(transfer: Any) -> Mesh:
+    """The mesh of a Transfer, with faces. Raises ValueError for anything else."""
+    if not isinstance(transfer, Transfer):
+        kind = type(transfer).__name__
+        raise ValueError(f"a {kind} has no mesh to draw: give the Transfer that a bake or a model returns")
+    return as_mesh(transfer.mesh)
+
+
+def checked_camera(camera: Any) -> Camera:
+    """A view's name, or two finite angles. Raises ValueError for anything else."""
+    if isinstance(camera, str) and camera in VIEWS:
+        return camera
+    angles = np.asarray(camera) if not isinstance(camera, str) else np.zeros(0)
+    if angles.shape != (2,) or angles.dtype.kind not in "fiu" or not np.isfinite(angles).all() or abs(angles[1]) >= 90:
+        raise ValueError(
+            f"camera is {camera!r}: use {', '.join(VIEWS)}, or (azimuth, elevation) in degrees, elevation within 90"
+        )
+    return float(angles[0]), float(angles[1])
