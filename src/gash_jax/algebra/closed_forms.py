@@ -65,6 +65,10 @@ def unshadowed_transfer(normals: Shaped[Array | np.ndarray, "..."], bands: int =
     """Exact transfer without shadows, A_l Y_k(n) / pi, of unit normals (v, 3); 0 where a normal is 0.
 
     Works under jit, vmap and grad. Raises ValueError for another shape and for bands outside 1 to 10.
+
+    >>> up = gash_jax.unshadowed_transfer(np.array([[0.0, 1.0, 0.0]]), bands=2)
+    >>> up.round(4).tolist()[0]
+    [0.2821, 0.3257, 0.0, 0.0]
     """
     bands, normals = validate_bands(bands), jnp.asarray(normals)
     if normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":

@@ -38,7 +38,12 @@ _BLOCK_PIXELS = 1 << 16  # of a map projected at once: memory stays below 60 MiB
 
 @dataclass(frozen=True, eq=False)
 class Light(Container):
-    """Radiance of an environment as SH coefficients (k, 3), and where it comes from; a pytree (`files.containers`)."""
+    """Radiance of an environment as SH coefficients (k, 3), and where it comes from; a pytree (`files.containers`).
+
+    >>> light = gash_jax.load_light("studio.hdr")
+    >>> light.coefficients.shape, light.bands, light.metadata["layout"]
+    ((9, 3), 3, 'latlong')
+    """
 
     coefficients: Float[Any, "k 3"]
     metadata: Mapping[str, Any] = field(default_factory=dict)
@@ -73,6 +78,10 @@ def project_light(image: Shaped[Array | np.ndarray, "..."], bands: int = 3, layo
     `layout` is one of "latlong", "angular", "cross", "equal-area"; without it a map twice as wide as high is latlong,
     and another one is recognised or refused. Raises LightError for another shape or values that are not finite,
     ValueError for bands outside 1 to 10.
+
+    >>> light = gash_jax.project_light(np.ones((32, 64, 3)), bands=2)
+    >>> light.coefficients.shape, round(float(light.coefficients[0, 0]), 3)
+    ((4, 3), 3.545)
     """
     image = np.asarray(image)
     coefficients = project_map(image, bands, layout)
@@ -137,6 +146,9 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
     recognised where that is certain. `progress(done, total)` counts rows, read and projected. What reading decided is
     in `metadata["notes"]`. A light file with more bands is cut; with fewer it is refused, as the missing ones are not
     in it. Raises LightError for a map and FileError for an npz that cannot be used.
+
+    >>> gash_jax.load_light("studio.hdr", bands=4).coefficients.shape
+    (16, 3)
     """
     bands, path = validate_bands(bands), Path(path)
     if path.suffix.lower() == ".npz":
@@ -158,7 +170,12 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
 
 
 def save_light(path: str | Path, light: Light) -> None:
-    """Write a light file; plain NumPy reads it without pickle."""
+    """Write a light file; plain NumPy reads it without pickle.
+
+    >>> gash_jax.save_light("studio.npz", gash_jax.load_light("studio.hdr"))
+    >>> gash_jax.load_light("studio.npz").bands
+    3
+    """
     metadata = {**light_metadata(light.bands), **light.metadata, "bands": light.bands}
     write_npz(path, {"coefficients": np.asarray(light.coefficients, np.float32)}, metadata)
 
@@ -173,6 +190,12 @@ def rotate_light(light: LightLike, rotation: Shaped[Array | np.ndarray, "..."]) 
 
     A `Light` for a `Light`, an array for an array; works under jit, vmap and grad. Raises ValueError for what is no
     proper rotation.
+
+    >>> half_turn = np.diag([-1.0, 1.0, -1.0])
+    >>> light = gash_jax.load_light("studio.hdr")
+    >>> turned = gash_jax.rotate_light(light, half_turn)
+    >>> bool(np.allclose(turned.coefficients[3], -light.coefficients[3], atol=1e-6))
+    True
     """
     if not isinstance(rotation, Tracer):  # its numbers cannot be looked at
         rotation = proper_rotation(np.asarray(rotation)).astype(np.float32)

@@ -27,6 +27,11 @@ def shade(
     more bands than the transfer is cut to those of the transfer. `albedo` is one colour (3,) or one per vertex (v, 3),
     white if None; `window` one factor per transfer coefficient (k,). Raises ValueError for other shapes, and if the
     light has fewer bands than the transfer: project it again with as many.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
+    >>> radiance = gash_jax.shade(transfer, gash_jax.load_light("studio.hdr"), albedo=np.array([0.8, 0.6, 0.5]))
+    >>> radiance.shape
+    (362, 3)
     """
     coefficients = jnp.asarray(transfer_coefficients(transfer))
     radiance = jnp.asarray(light_coefficients(light))

@@ -48,6 +48,13 @@ class Model:
 
     A mesh is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. The graph is what a JAX function
     takes: under jit, grad and vmap give that one. `params` is the tree of the weights.
+
+    >>> model = gash_jax.load_model("local")
+    >>> model("bunny.ply").shape
+    (362, 9)
+    >>> graph = model.graph("bunny.ply")
+    >>> coefficients, predicted_error = model.with_error(graph)
+    >>> transfer = model.predict("bunny.ply")
     """
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
@@ -126,6 +133,9 @@ def load_model(name: str | Path) -> Model:
     """Load weights that ship with the package by name, or a model file by path.
 
     Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+
+    >>> gash_jax.load_model("mlp").config.name
+    'mlp'
     """
     shipped = shipped_models()
     if str(name) not in shipped and not Path(name).exists():

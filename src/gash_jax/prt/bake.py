@@ -107,6 +107,10 @@ def bake_transfer(
     without faces: to the last bit those of the whole bake. `progress(done, total)` is called with counts of vertices,
     from worker threads. Vertices without a usable normal get transfer 0. Raises ValueError for options out of range,
     MeshError for what is no mesh.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", bands=3, rays=64)
+    >>> transfer.coefficients.shape, transfer.standard_error.shape
+    ((362, 9), (362, 9))
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     integrand, count, rays = direct(bands), choose_replicates(rays, replicates), int(rays)

@@ -131,6 +131,10 @@ def bake_to_error(
     metadata's `modelled` says which share of the vertices stayed with a formula and how many rays each round took;
     `estimated_error` is what the bake believes it reached. `progress(done, total)` counts rays, the total as
     expected so far. Vertices stop at 2^15 rays each. Raises ValueError for options out of range.
+
+    >>> transfer = gash_jax.bake_to_error("bunny.ply", 0.05)
+    >>> transfer.metadata["estimated_error"] <= 0.05
+    True
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)

@@ -58,6 +58,10 @@ def plan_bake(mesh: MeshLike, error: float = 0.02, *, bands: int = 3, light: Any
 
     `light` is a Light or its coefficients (k, 3); all its bands count: give it as many as a bake may have. Raises
     ValueError for an error out of range.
+
+    >>> plan = gash_jax.plan_bake("bunny.ply", 0.05, light=gash_jax.load_light("studio.hdr", bands=10))
+    >>> plan.bands > 1, plan.rays_total > 0
+    (True, True)
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)

@@ -42,6 +42,12 @@ class Transfer(Container):
     that of sampled results; `predicted_error` is the RMS error that a network expects of itself. Glossy transfer is
     held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices`, in float32 or
     float16. Rows of a bake have no faces.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
+    >>> transfer.bands, transfer.metadata["method"], transfer.mesh.faces.shape
+    (3, 'bake', (720, 3))
+    >>> transfer.to_trimesh().vertex_attributes["coefficients"].shape
+    (362, 9)
     """
 
     coefficients: Float[Any, "v k"] | Float[Any, "v k 3"]
@@ -116,6 +122,10 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
     """Write a transfer file; plain NumPy reads it without pickle. Raises FileError where the arrays do not fit.
 
     Of metadata that a transformation has dropped, format and conventions are written all the same.
+
+    >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
+    >>> sorted(np.load("bunny.npz").files)
+    ['coefficients', 'faces', 'metadata', 'normals', 'standard_error', 'vertices']
     """
     arrays = {}
     for name in array_names(Transfer):
@@ -130,7 +140,12 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
 
 
 def load_transfer(path: str | Path) -> Transfer:
-    """Read a transfer file and check it whole: types, shapes that fit, finite values, faces of existing vertices."""
+    """Read a transfer file and check it whole: types, shapes that fit, finite values, faces of existing vertices.
+
+    >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
+    >>> gash_jax.load_transfer("bunny.npz").coefficients.shape
+    (362, 9)
+    """
     arrays, metadata = read_npz(path, "transfer", ("coefficients", "vertices", "normals", "faces"))
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a transfer file: bake or predict one")
