@@ -19,12 +19,12 @@ SECTIONS = {
 }
 INTRODUCTION = """# Python API
 
-Everything that `import gash_jax` gives, written from the docstrings by `python -m docs`. The examples are run by a test,
-in a folder that holds a mesh `bunny.ply` and an environment map `studio.hdr`.
+Everything that `import gash_jax` gives, written from the docstrings by `python -m docs`. A test runs the examples, in a
+folder that holds a mesh `bunny.ply` and an environment map `studio.hdr`.
 
 Wherever a mesh goes in (`MeshLike`) a path will do, a `Mesh`, a `trimesh.Trimesh` or `Scene`, or arrays `(vertices,
-faces)` or `(vertices, faces, normals)` of NumPy or JAX; all pass the same checks. Wherever coefficients or a light go in
-(`TransferLike`, `LightLike`), the container or the plain array will do. Errors are ValueErrors of one line that says
+faces)` or `(vertices, faces, normals)` of NumPy or JAX; all pass the same checks. Wherever coefficients or a light go
+in (`TransferLike`, `LightLike`), the container or the plain array will do. Errors are ValueErrors of one line that says
 what to do.
 """
 
@@ -32,11 +32,10 @@ what to do.
 def page() -> str:
     """The whole page, Markdown."""
     parts = [INTRODUCTION]
-    for title, places in SECTIONS.items():
+    for title in SECTIONS:
         entries = [(name, home) for home, names in _HOMES.items() if _section(home) == title for name in names]
-        parts.append(f"## {title}\n")
+        parts += [f"## {title}\n"] * bool(entries)
         parts += [_entry(name, _definition(name, home)) for name, home in sorted(entries, key=lambda e: e[0].lower())]
-        assert entries, places
     return "\n".join(parts)
 
 

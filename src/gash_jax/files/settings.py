@@ -19,7 +19,7 @@ class ConfigError(ValueError):
     ...     gash_jax.load_config("mlp", ["train.step=5"])
     ... except gash_jax.ConfigError as error:
     ...     print(error)
-    unknown key 'train.step', did you mean ...
+    unknown key 'train.step' in config, did you mean 'steps'?: known here are ...
     """
 
 

@@ -72,7 +72,7 @@ def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
         raise MeshError(f"unknown up axis {up!r}: choose one of {', '.join(TO_Y_UP)}")
     if isinstance(source, Mesh):
         mesh = checked_mesh(source)
-        mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up])
+        mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up].astype(np.float64))
         return mesh, prepare_mesh(mesh.vertices, mesh.faces, mesh.normals)[1]
     raw = _raw(source)
     vertices, normals = raw.vertices, raw.normals

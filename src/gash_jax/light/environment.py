@@ -12,14 +12,14 @@ projection of a large map as fast as reading it.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jaxtyping import Float, Shaped
 
-from gash_jax.algebra.arguments import proper_rotation
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, proper_rotation
 from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.containers import Container
@@ -45,7 +45,7 @@ class Light(Container):
     ((9, 3), 3, 'latlong')
     """
 
-    coefficients: Float[Any, "k 3"]
+    coefficients: Any  # Float "k 3", checked in words
     metadata: Mapping[str, Any] = field(default_factory=dict)
     bands: int = field(init=False)
 
@@ -54,8 +54,10 @@ class Light(Container):
         self._set(bands_of(len(self.coefficients)))
 
 
-# wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
-LightLike: TypeAlias = Light | Shaped[Array | np.ndarray, "..."]
+if TYPE_CHECKING:  # wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
+    LightLike: TypeAlias = Light | ArrayLike | Array
+else:  # what does not fit is refused below, in words
+    LightLike = Any
 
 
 def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
@@ -72,7 +74,7 @@ def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
     return found if found.dtype.kind == "f" else found.astype(np.float32)
 
 
-def project_light(image: Shaped[Array | np.ndarray, "..."], bands: int = 3, layout: str | None = None) -> Light:
+def project_light(image: ArrayLike | Array, bands: WholeNumber = 3, layout: str | None = None) -> Light:
     """The light of an environment map (h, w, 3) of linear RGB radiance.
 
     `layout` is one of "latlong", "angular", "cross", "equal-area"; without it a map twice as wide as high is latlong,
@@ -83,15 +85,15 @@ def project_light(image: Shaped[Array | np.ndarray, "..."], bands: int = 3, layo
     >>> light.coefficients.shape, round(float(light.coefficients[0, 0]), 3)
     ((4, 3), 3.545)
     """
-    image = np.asarray(image)
+    image, bands = np.asarray(image), validate_bands(bands)
     coefficients = project_map(image, bands, layout)
     layout, note = layout_of(image, layout)
     entries = {"map": list(image.shape[:2]), "layout": layout, "notes": list(note)}
-    return Light(coefficients, light_metadata(validate_bands(bands), **entries))
+    return Light(coefficients, light_metadata(bands, **entries))
 
 
 def project_map(
-    image: Shaped[np.ndarray, "..."], bands: int, layout: str | None = None, progress: Progress | None = None
+    image: Shaped[np.ndarray, "..."], bands: WholeNumber, layout: str | None = None, progress: Progress | None = None
 ) -> Float[np.ndarray, "k 3"]:
     """Radiance coefficients of an environment map as `project_light`, summed in float64, returned as float32.
 
@@ -139,7 +141,9 @@ def _blocks(
         yield directions, block * solid_angles[..., None], rows.stop
 
 
-def load_light(path: str | Path, bands: int = 3, layout: str | None = None, progress: Progress | None = None) -> Light:
+def load_light(
+    path: str | Path, bands: WholeNumber = 3, layout: str | None = None, progress: Progress | None = None
+) -> Light:
     """Light with `bands` bands from an environment map (.hdr, .pic, .exr) or a light file (.npz).
 
     `layout` says how the map is laid out (`LAYOUTS`); without it a map twice as wide as high is latlong, another one is
@@ -185,7 +189,11 @@ def light_metadata(bands: int, **entries: Any) -> dict[str, Any]:
     return {"format": FORMAT, "version": FORMAT_VERSION, "bands": bands, "conventions": CONVENTIONS, **entries}
 
 
-def rotate_light(light: LightLike, rotation: Shaped[Array | np.ndarray, "..."]) -> Light | Float[Array, "k 3"]:
+@overload
+def rotate_light(light: Light, rotation: ArrayLike | Array) -> Light: ...
+@overload
+def rotate_light(light: ArrayLike | Array, rotation: ArrayLike | Array) -> Array: ...
+def rotate_light(light: LightLike, rotation: ArrayLike | Array) -> Light | Array:
     """The environment turned by a rotation matrix R (3, 3): what came from w comes from R w.
 
     A `Light` for a `Light`, an array for an array; works under jit, vmap and grad. Raises ValueError for what is no

@@ -6,11 +6,14 @@ radiance 1 shades an unoccluded vertex to exactly 1. Windows (see `gash_jax.alge
 bright lights; they act here, never in files.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
+from gash_jax.algebra.arguments import ArrayLike
 from gash_jax.light.environment import LightLike, light_coefficients
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
@@ -18,8 +21,8 @@ from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 def shade(
     transfer: TransferLike,
     light: LightLike,
-    albedo: Shaped[Array | np.ndarray, "..."] | None = None,
-    window: Shaped[Array | np.ndarray, "..."] | None = None,
+    albedo: ArrayLike | Array | None = None,
+    window: ArrayLike | Array | None = None,
 ) -> Float[Array, "v 3"]:
     """Linear radiance leaving each vertex; works under jit, vmap and grad.
 
@@ -55,6 +58,6 @@ def shade(
     return leaving * jnp.broadcast_to(jnp.asarray(albedo), leaving.shape)
 
 
-def _check_shape(name: str, value: Shaped[Array | np.ndarray, "..."] | None, shapes: list[tuple[int, ...]]) -> None:
+def _check_shape(name: str, value: Any, shapes: list[tuple[int, ...]]) -> None:
     if value is not None and np.shape(value) not in shapes:
         raise ValueError(f"{name} has shape {np.shape(value)}: give {' or '.join(map(str, shapes))}")

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
@@ -55,7 +55,7 @@ class State(NamedTuple):
     quarters: Float[np.ndarray, "a 4 k"]
 
 
-def check_error(error: float) -> None:
+def check_error(error: RealNumber) -> None:
     """Raise ValueError for an error that no bake should aim at."""
     if not (isinstance(error, float | int | np.floating) and LOWEST_ERROR <= error <= HIGHEST_ERROR):
         raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error}")
@@ -118,10 +118,10 @@ def standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: in
 
 def bake_to_error(
     mesh: MeshLike,
-    error: float,
-    bands: int = 3,
+    error: RealNumber,
+    bands: WholeNumber = 3,
     *,
-    seed: int = 0,
+    seed: WholeNumber = 0,
     backend: str = "embree",
     progress: ProgressFn | None = None,
 ) -> Transfer:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Int
 
+from gash_jax.algebra.arguments import ArrayLike
 from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
 from gash_jax.files.containers import Container, array_names
@@ -78,8 +79,10 @@ class Transfer(Container):
         return surface
 
 
-# wherever coefficients go in: the container, or the plain array of NumPy or JAX
-TransferLike: TypeAlias = Transfer | Shaped[Array | np.ndarray, "..."]
+if TYPE_CHECKING:  # wherever coefficients go in: the container, or the plain array of NumPy or JAX
+    TransferLike: TypeAlias = Transfer | ArrayLike | Array
+else:  # what does not fit is refused below, in words
+    TransferLike = Any
 
 
 def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "v k"] | Float[Any, "v k 3"]:
@@ -94,7 +97,7 @@ def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "
             "give what a bake or a model returns"
         )
     bands_of(found.shape[1])
-    return found
+    return found if found.dtype.kind == "f" else found.astype(np.float32)
 
 
 @cache
