@@ -4,6 +4,7 @@ Tables come from docs/results/*.json, copies of what `make demo` wrote and of wh
 experiments/ wrote with --output; the graph of rooms comes from the imports themselves. A test compares.
 """
 
+from docs.api_page import page as api
 from docs.conclusions import verdict
 from docs.model_cards import committed_cards
 from docs.results_page import committed_page, committed_results
@@ -16,7 +17,8 @@ def generated() -> dict[str, str]:
     texts = documents()
     texts["README.md"] = fill(texts["README.md"], "VERDICT", verdict(committed_results()))
     cards, page = committed_cards(), committed_page()
-    return {**texts, "CONTRIBUTING.md": rooms(), "docs/model_cards.md": cards, "docs/results.md": page}
+    texts |= {"CONTRIBUTING.md": rooms(), "docs/api.md": api()}
+    return {**texts, "docs/model_cards.md": cards, "docs/results.md": page}
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Training, prediction and the demo from the command line, on a corpus of a few small shapes."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,7 @@ def test_train_then_predict_then_continue(
     gash.main(["train", "tiny.toml", "-o", "run"], standalone_mode=False)
     said = capsys.readouterr().out
     assert "1 validation shapes: skill" in said and "wrote run/model.npz and run/curves.png" in said
+    assert re.search(r"^6 steps in \d+\.\d s, \d+\.\d CPU seconds$", said, re.MULTILINE)
     with Image.open("run/curves.png") as curves:
         assert curves.size[0] > 400
     gash.main(["predict", "bumpy.ply", "-o", "p.npz", "--model", "run/model.npz"], standalone_mode=False)
@@ -116,6 +118,7 @@ def test_bench_and_evaluate_agree_with_compare(tmp_path: Path, monkeypatch: pyte
     (score,) = json.loads(Path("scores.json").read_text())["rows"]
     for name in ("relrmse", "skill", "mse", "equivalent_rays"):
         assert score[name] == rows["local"][name]
+    assert all(score[f"{part}{clock}_us"] > 0 for part in ("graph", "network") for clock in ("", "_cpu"))
     gash.main(["bake", "bumpy.ply", "-o", "r.npz", "--rays", "128", "--seed", "99"], standalone_mode=False)
     gash.main(["predict", "bumpy.ply", "-o", "p.npz"], standalone_mode=False)
     capsys.readouterr()

@@ -54,6 +54,7 @@ def test_a_sweep_is_finished_in_two_calls_and_survives_failing_runs(
     assert lines[:2] == first and {(line["width"], line["seed"]) for line in lines} == {(4, 0), (4, 1), (8, 0)}
     assert {"machine", "commit", "skill", "relrmse", "parameters", "steps"} <= set(lines[2])
     assert lines[2]["phase_steps"] == {"coefficients": 4}
+    assert lines[2]["wall_seconds"] > 0 and lines[2]["cpu_seconds"] > 0
     assert len([path for path in Path("out/runs").iterdir() if path.name.startswith("width_")]) == 3
     with open("out/results.csv", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -62,6 +63,7 @@ def test_a_sweep_is_finished_in_two_calls_and_survives_failing_runs(
     assert float(rows[0]["relrmse"]) == pytest.approx(np.mean(pair))
     assert float(rows[0]["relrmse_std"]) == pytest.approx(np.std(pair, ddof=1)) and rows[1]["relrmse_std"] == ""
     assert float(rows[0]["us_per_vertex"]) > 0
+    assert float(rows[0]["cpu_seconds"]) == pytest.approx(np.mean([line["cpu_seconds"] for line in first]))
     with Image.open("out/pareto.png") as picture:
         assert picture.size[0] > 500
     with pytest.raises(ValueError, match=r"2 of 2 runs failed.*batch_vertices"):

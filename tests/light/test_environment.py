@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import gash_jax
 from gash_jax.algebra.sh import sh_components
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import write_npz
@@ -237,3 +240,37 @@ def test_bad_maps_are_refused(image: np.ndarray) -> None:
 def test_too_bright_maps_are_refused() -> None:
     with pytest.raises(LightError, match="too bright"):
         project_map(np.full((4, 8, 3), 1e38), 1)
+
+
+def test_a_projected_map_is_a_light_that_says_how_it_was_read(tmp_path: Path) -> None:
+    image = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
+    light = gash_jax.project_light(jnp.asarray(image), np.int64(4))
+    assert isinstance(light, Light) and light.bands == 4 and light.metadata["layout"] == "latlong"
+    np.testing.assert_array_equal(light.coefficients, project_map(image, 4))
+    gash_jax.save_light(tmp_path / "l.npz", light)
+    np.testing.assert_array_equal(load_light(tmp_path / "l.npz", 4).coefficients, light.coefficients)
+
+
+def test_a_light_turns_as_a_light_and_an_array_as_an_array() -> None:
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    light = gash_jax.project_light(np.random.default_rng(2).random((8, 16, 3)), 3)
+    turned, array = rotate_light(light, turn), rotate_light(light.coefficients, turn)
+    assert isinstance(turned, Light) and turned.metadata == light.metadata and isinstance(array, jax.Array)
+    np.testing.assert_array_equal(turned.coefficients, array)
+    np.testing.assert_allclose(jax.jit(rotate_light)(light, turn).coefficients, array, atol=1e-6)
+    many = jax.vmap(lambda r: rotate_light(light.coefficients, r))(np.stack([turn, np.eye(3)]).astype(np.float32))
+    np.testing.assert_allclose(many[1], light.coefficients, atol=1e-6)
+    gradient = jax.grad(lambda r: jnp.sum(jnp.asarray(rotate_light(light.coefficients, r)) ** 3))(jnp.eye(3))
+    assert np.isfinite(gradient).all()
+
+
+@pytest.mark.parametrize("rotation", [np.eye(2), np.zeros((3, 3)), np.diag([1.0, 1, -1]), 2 * np.eye(3), "x"])
+def test_what_is_no_rotation_is_refused(rotation: object) -> None:
+    with pytest.raises(ValueError, match="rotation"):
+        rotate_light(np.zeros((9, 3)), rotation)  # type: ignore[arg-type]
+
+
+def test_a_light_of_a_wrong_shape_is_refused() -> None:
+    for wrong in (np.zeros((9,)), np.zeros((8, 3)), np.full((9, 3), "a")):
+        with pytest.raises(ValueError, match="light has shape|no square"):
+            Light(wrong)

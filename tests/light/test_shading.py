@@ -1,5 +1,7 @@
 """Relighting: the constant light, numbers by hand, windows, albedo, transforms."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -134,3 +136,33 @@ def test_jit_vmap_and_gradients() -> None:
     np.testing.assert_allclose(many, [shade(transfer, one, albedo) for one in lights], atol=1e-6)
     gradient = jax.grad(lambda t: shade(t, light, albedo).sum())(transfer)
     np.testing.assert_allclose(gradient, np.broadcast_to(light @ albedo, (7, 9)), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("transfer", "light", "options", "words"),
+    [
+        (np.zeros(9), np.zeros((9, 3)), {}, r"transfer has shape \(9,\) float64, not \(vertices, bands"),
+        (np.zeros((5, 8)), np.zeros((9, 3)), {}, "8 coefficients are no square"),
+        (np.zeros((5, 9, 2)), np.zeros((9, 3)), {}, r"transfer has shape \(5, 9, 2\)"),
+        (np.full((5, 9), "a"), np.zeros((9, 3)), {}, "real numbers"),
+        (np.zeros((5, 9)), np.zeros(9), {}, r"light has shape \(9,\) float64, not \(bands\^2, 3\)"),
+        (np.zeros((5, 9)), np.zeros((3, 9)), {}, "a column for each of red, green and blue"),
+        (np.zeros((5, 9)), np.zeros((10, 3)), {}, "10 coefficients are no square"),
+        (
+            np.zeros((5, 9)),
+            np.zeros((9, 3)),
+            {"albedo": np.ones(2)},
+            r"albedo has shape \(2,\): give \(3,\) or \(5, 3\)",
+        ),
+        (np.zeros((5, 9)), np.zeros((9, 3)), {"albedo": 0.5}, r"albedo has shape \(\)"),
+        (np.zeros((5, 9)), np.zeros((9, 3)), {"window": np.ones(4)}, r"window has shape \(4,\): give \(9,\)"),
+    ],
+)
+def test_wrong_shapes_are_told_what_to_do(transfer: Any, light: Any, options: dict, words: str) -> None:
+    with pytest.raises(ValueError, match=words) as caught:
+        shade(transfer, light, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_lists_and_integers_will_do() -> None:
+    np.testing.assert_allclose(shade([[1, 0, 0, 0]], [[2, 3, 4]] + [[0, 0, 0]] * 3), [[2, 3, 4]])

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
 
-from gash_jax.train.logs import EVENTS, LINES, MetricsLog, read_lines
+from gash_jax.train import logs
+from gash_jax.train.logs import CLOCKS, EVENTS, LINES, MetricsLog, read_lines
 
 PHASES = ["visibility", "coefficients"]
 
@@ -28,7 +29,7 @@ def test_lines_and_events_agree(tmp_path: Path) -> None:
         log.write(0, 10, {"loss": 0.5})
         log.write(0, 20, {"loss": 0.25, "validation": 2.0})
         log.write(1, 10, {"loss": 0.125})
-    lines = read_lines(tmp_path)
+    lines = [{name: line[name] for name in line if name not in CLOCKS} for line in read_lines(tmp_path)]
     assert lines[1] == {"phase": "visibility", "step": 20, "loss": 0.25, "validation": 2.0} and len(lines) == 3
     # TensorBoard knows one axis of steps: the second phase goes on after the first
     assert _events(tmp_path) == [
@@ -54,6 +55,27 @@ def test_a_resumed_run_drops_what_came_after_its_checkpoint(tmp_path: Path) -> N
         ("coefficients", 30, 2.0),
     ]
     assert _events(tmp_path)[-1] == ("coefficients/loss", 50, 2.0)
+
+
+def test_lines_say_what_the_run_has_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On two clocks that go on while nothing runs; the time of the steps that are dropped does not count."""
+    now = {"wall_seconds": 100.0, "cpu_seconds": 7.0}
+    for name in CLOCKS:
+        monkeypatch.setitem(logs.CLOCKS, name, lambda n=name: now[n])
+
+    def spend(wall: float, cpu: float) -> None:
+        now["wall_seconds"] += wall
+        now["cpu_seconds"] += cpu
+
+    with MetricsLog(tmp_path, PHASES) as log:
+        for step in (10, 20):
+            spend(2.0, 3.0)
+            log.write(0, step, {"loss": 1.0})
+    spend(50.0, 0.0)
+    with MetricsLog(tmp_path, PHASES, 0, 10) as log:
+        spend(1.0, 1.5)
+        log.write(1, 10, {"loss": 1.0})
+    assert [(line["wall_seconds"], line["cpu_seconds"]) for line in read_lines(tmp_path)] == [(2.0, 3.0), (3.0, 4.5)]
 
 
 def test_a_line_that_was_cut_is_left_out(tmp_path: Path) -> None:

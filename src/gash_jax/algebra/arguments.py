@@ -1,9 +1,22 @@
-"""Numbers and rotations that public functions are given: as they must be, or refused in one line."""
+"""Numbers and rotations that public functions are given: as they must be, or refused in one line.
+
+The names of types say what fits. They are not checked at run time: what does not fit is refused by the functions here,
+in words.
+"""
 
 import operator
+from typing import TYPE_CHECKING, Any, SupportsIndex, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Shaped
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    WholeNumber: TypeAlias = SupportsIndex  # an int of Python, NumPy or JAX
+    RealNumber: TypeAlias = float | int | np.floating
+else:
+    ArrayLike = WholeNumber = RealNumber = Any
 
 
 def whole_number(value: object, name: str, low: int, high: int | None = None) -> int:

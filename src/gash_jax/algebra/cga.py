@@ -115,7 +115,12 @@ def _product(a: Multivector, b: Multivector, kind: str) -> Float[Array, "... 32"
 
 
 def geometric_product(a: Multivector, b: Multivector) -> Float[Array, "... 32"]:
-    """Geometric product a b."""
+    """Geometric product a b.
+
+    >>> e1, e2 = np.eye(32, dtype=np.float32)[[1, 2]]
+    >>> int(np.argmax(gash_jax.geometric_product(e1, e2)))  # e12, whose bitmask is 3
+    3
+    """
     return _product(a, b, "geometric")
 
 

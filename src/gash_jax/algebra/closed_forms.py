@@ -14,8 +14,9 @@ import math
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber
 from gash_jax.algebra.sh import band_index, evaluate_sh, validate_bands
 
 
@@ -61,10 +62,14 @@ def zero_without_normal(
     return jnp.where(jnp.any(jnp.asarray(normals) != 0, axis=-1, keepdims=True), coefficients, 0.0)
 
 
-def unshadowed_transfer(normals: Shaped[Array | np.ndarray, "..."], bands: int = 3) -> Float[Array, "v k"]:
+def unshadowed_transfer(normals: ArrayLike | Array, bands: WholeNumber = 3) -> Float[Array, "v k"]:
     """Exact transfer without shadows, A_l Y_k(n) / pi, of unit normals (v, 3); 0 where a normal is 0.
 
     Works under jit, vmap and grad. Raises ValueError for another shape and for bands outside 1 to 10.
+
+    >>> up = gash_jax.unshadowed_transfer(np.array([[0.0, 1.0, 0.0]]), bands=2)
+    >>> [round(float(t), 4) for t in up[0]]
+    [0.2821, 0.3257, 0.0, 0.0]
     """
     bands, normals = validate_bands(bands), jnp.asarray(normals)
     if normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":

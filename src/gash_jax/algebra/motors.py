@@ -42,7 +42,12 @@ def _multivector(parts: dict[int, Array]) -> Float[Array, "... 32"]:
 
 @jax.jit
 def embed_point(x: Points) -> Float[Array, "... 32"]:
-    """Conformal point X = x + x^2 e_inf/2 + e_o."""
+    """Conformal point X = x + x^2 e_inf/2 + e_o.
+
+    >>> points = gash_jax.embed_point(np.array([[1.0, 2.0, 3.0]]))
+    >>> float(gash_jax.geometric_product(points, points)[0, 0])
+    0.0
+    """
     x = jnp.asarray(x)
     half_square = 0.5 * jnp.sum(x * x, axis=-1)
     return _multivector(
@@ -70,6 +75,9 @@ def rotor_from_normal(normals: Points) -> Float[Array, "... 32"]:
 
     Near -e_y the sum 1 + n_y is taken as (n_x^2 + n_z^2)/(1 - n_y), which does not cancel. At n = -e_y itself every
     half turn about a horizontal axis would do; the one about z is taken, R = e12. A zero normal gives R = 1.
+
+    >>> gash_jax.rotor_from_normal(np.array([0.0, 1.0, 0.0]))[0].item()
+    1.0
     """
     n = jnp.asarray(normals)
     x, y, z = n[..., 0], n[..., 1], n[..., 2]
@@ -149,7 +157,12 @@ def translator(t: Points) -> Float[Array, "... 32"]:
 
 @jax.jit
 def motor(positions: Points, normals: Points) -> Float[Array, "... 32"]:
-    """Motor M = T R that takes the origin to a position and e_y to a unit normal; shapes are equal."""
+    """Motor M = T R that takes the origin to a position and e_y to a unit normal; shapes are equal.
+
+    >>> m = gash_jax.motor(np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, 1.0, 0.0]]))
+    >>> m.shape
+    (1, 32)
+    """
     real = _quaternion(rotor_from_normal(normals))
     return _from_dual_quaternion(real, _multiply(_pure(-0.5 * jnp.asarray(positions)), real))
 
@@ -170,7 +183,12 @@ def inverse(m: Multivector) -> Float[Array, "... 32"]:
 
 @jax.jit
 def rotor_to_matrix(rotor: Multivector) -> Float[Array, "... 3 3"]:
-    """Rotation matrix of a unit rotor, or of the rotor part of a unit motor."""
+    """Rotation matrix of a unit rotor, or of the rotor part of a unit motor.
+
+    >>> rotor = gash_jax.rotor_from_normal(np.array([1.0, 0.0, 0.0]))
+    >>> (gash_jax.rotor_to_matrix(rotor) @ np.array([0.0, 1.0, 0.0])).round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
     w, x, y, z = jnp.moveaxis(_quaternion(rotor), -1, 0)
     rows = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -204,7 +222,13 @@ def matrix_to_rotor(rotation: Float[Array | np.ndarray, "... 3 3"]) -> Float[Arr
 
 @jax.jit
 def motor_to_rigid(m: Multivector) -> tuple[Float[Array, "... 3 3"], Float[Array, "... 3"]]:
-    """Rotation matrix and translation of a unit motor: x -> rotation x + translation."""
+    """Rotation matrix and translation of a unit motor: x -> rotation x + translation.
+
+    >>> m = gash_jax.motor(np.array([[1.0, 2.0, 3.0]]), np.array([[1.0, 0.0, 0.0]]))
+    >>> rotation, translation = gash_jax.motor_to_rigid(m)
+    >>> translation.tolist(), (rotation[0] @ np.array([0.0, 1.0, 0.0])).round(6).tolist()
+    ([[1.0, 2.0, 3.0]], [1.0, 0.0, 0.0])
+    """
     real, dual = _dual_quaternion(m)
     return rotor_to_matrix(m), -2.0 * _multiply(dual, _conjugate(real))[..., 1:]
 

@@ -39,9 +39,10 @@ def print_methods(rows: Sequence[dict[str, Any]]) -> None:
 def print_meshes(rows: Sequence[dict[str, Any]]) -> None:
     """One row a mesh, as `evaluate_mesh` gives them; times in microseconds per vertex."""
     seen = VISIBILITY if VISIBILITY[0] in rows[0] else ()
-    names = ("vertices", "graph us", "network us", "relrmse", "skill", "equivalent rays")
+    names = ("vertices", "graph us", "network us", "both, CPU us", "relrmse", "skill", "equivalent rays")
     table = _table("mesh", (*names, *(name.removesuffix("_accuracy") for name in seen)))
     for row in rows:
-        times = (f"{row[key]:.2f}" for key in ("graph_us", "network_us"))
+        spent = (row["graph_us"], row["network_us"], row["graph_cpu_us"] + row["network_cpu_us"])
+        times = (f"{value:.2f}" for value in spent)
         table.add_row(row["mesh"], str(row["vertices"]), *times, *_cells(row), *(f"{row[key]:.3f}" for key in seen))
     Console(width=140).print(table)

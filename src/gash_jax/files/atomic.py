@@ -18,7 +18,14 @@ _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 
 
 class FileError(ValueError):
-    """A file cannot be read or written; the message is one line that says what to do."""
+    """A file cannot be read or written; the message is one line that says what to do.
+
+    >>> try:
+    ...     gash_jax.load_transfer("absent.npz")
+    ... except gash_jax.FileError as error:
+    ...     print(error)
+    no such file: absent.npz
+    """
 
 
 def check_writable(path: str | Path, inputs: Iterable[str | Path | None] = ()) -> Path:

@@ -46,6 +46,8 @@ def keep_compiled_programs() -> Path | None:
     To be called before JAX has compiled anything; the command line does. What the environment or the user's program
     has set for JAX's cache stays as it is. Returns the folder of the compiled programs, or None where no file can be
     written: everything is then compiled anew, as without this call.
+
+    >>> folder = gash_jax.keep_compiled_programs()
     """
     try:
         root = cache_folder() / "compiled"

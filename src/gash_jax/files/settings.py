@@ -13,7 +13,14 @@ T = TypeVar("T")
 
 
 class ConfigError(ValueError):
-    """A config cannot be understood; the message names the key and what would be valid."""
+    """A config cannot be understood; the message names the key and what would be valid.
+
+    >>> try:
+    ...     gash_jax.load_config("mlp", ["train.step=5"])
+    ... except gash_jax.ConfigError as error:
+    ...     print(error)
+    unknown key 'train.step' in config, did you mean 'steps'?: known here are ...
+    """
 
 
 def setting(

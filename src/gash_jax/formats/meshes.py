@@ -52,17 +52,27 @@ def load_mesh(source: MeshLike, up: str = "y") -> Mesh:
     """The mesh in a file, or made of arrays; `up` is the axis that points up in it: "x", "y" or "z".
 
     Raises MeshError, one line that says what to do.
+
+    >>> mesh = gash_jax.load_mesh("bunny.ply")
+    >>> corner = gash_jax.load_mesh(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), up="z")
+    >>> corner.vertices[2].tolist()
+    [0.0, 0.0, -1.0]
     """
     return read_mesh(source, up)[0]
 
 
 def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
-    """As `load_mesh`, with the report of what is odd about the mesh."""
+    """As `load_mesh`, with the report of what is odd about the mesh.
+
+    >>> mesh, report = gash_jax.read_mesh(([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5]], [[0, 1, 2]]))
+    >>> report.counts["isolated_vertices"], report.planar
+    (1, True)
+    """
     if up not in TO_Y_UP:
         raise MeshError(f"unknown up axis {up!r}: choose one of {', '.join(TO_Y_UP)}")
     if isinstance(source, Mesh):
         mesh = checked_mesh(source)
-        mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up])
+        mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up].astype(np.float64))
         return mesh, prepare_mesh(mesh.vertices, mesh.faces, mesh.normals)[1]
     raw = _raw(source)
     vertices, normals = raw.vertices, raw.normals
@@ -88,7 +98,12 @@ def mesh_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def save_mesh(path: str | os.PathLike[str], mesh: MeshLike) -> None:
-    """Write a mesh with its normals as binary PLY. Raises MeshError for another extension, FileError if it cannot."""
+    """Write a mesh with its normals as binary PLY. Raises MeshError for another extension, FileError if it cannot.
+
+    >>> gash_jax.save_mesh("triangle.ply", ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> gash_jax.load_mesh("triangle.ply").faces.tolist()
+    [[0, 1, 2]]
+    """
     if Path(path).suffix.lower() != ".ply":
         raise MeshError(f"{os.fspath(path)}: meshes are written as .ply, choose such a name")
     write_ply(path, as_mesh(mesh))

@@ -1,8 +1,7 @@
 """Meshes of trimesh, and mesh formats without a reader of their own here, read by it in its order of vertices.
 
 Nothing is merged or reordered (`process=False, maintain_order=True`); the meshes of a scene follow each other, each in
-its place. Normals are left to be computed. trimesh needs another package for most of these formats; it is named where
-it is missing.
+its place. trimesh needs another package for most of these formats; it is named where it is missing.
 """
 
 import io
@@ -11,6 +10,7 @@ import warnings
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.geometry.mesh import MeshError
@@ -30,14 +30,14 @@ def read_other(data: bytes, suffix: str) -> RawMesh:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh = trimesh.load_scene(io.BytesIO(data), **options).to_mesh()
-            vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+            raw = from_trimesh(trimesh.load_scene(io.BytesIO(data), **options))
     except ImportError:
         package = OTHERS[suffix]
         raise MeshError(f"{suffix} files are read by trimesh, which needs {package}: pip install {package}") from None
     except Exception:  # whatever the parsers of these formats raise
         raise MeshError(f"trimesh cannot read this {suffix} file: it is damaged, cut off or holds no mesh") from None
-    return RawMesh(vertices, faces, None, (f"{suffix} is read by trimesh: vertices in its order, normals computed",))
+    normals = "computed" if raw.normals is None else "as it found them"
+    return raw._replace(notes=(f"{suffix} is read by trimesh: vertices in its order, normals {normals}",))
 
 
 def is_trimesh(value: object) -> bool:
@@ -47,13 +47,31 @@ def is_trimesh(value: object) -> bool:
 
 
 def from_trimesh(source: Any) -> RawMesh:
-    """Vertices and faces of a trimesh.Trimesh, or of all meshes in a trimesh.Scene, each in its place.
+    """Vertices and faces of a trimesh.Trimesh, or of all meshes in a trimesh.Scene in its order, each in its place.
 
-    Normals are those that the mesh was given or that trimesh has computed already, else they are left to be computed.
+    Normals are those that the meshes were given or that trimesh has computed already; unless all have some, they are
+    left to be computed.
     """
     import trimesh  # imported already: a value of its own was given
 
-    source = source.to_mesh() if isinstance(source, trimesh.Scene) else source
+    if isinstance(source, trimesh.Trimesh):
+        return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source), ())
+    placed = [
+        (source.geometry[name], np.asarray(place)) for place, name in map(source.graph.get, source.graph.nodes_geometry)
+    ]
+    meshes = [(mesh, place) for mesh, place in placed if isinstance(mesh, trimesh.Trimesh)]
+    vertices, faces, normals, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros((0, 3))], 0
+    for mesh, place in meshes:
+        linear, own = place[:3, :3], _own_normals(mesh)
+        mirrored = np.linalg.det(linear) < 0  # turns faces inside out
+        vertices.append(mesh.vertices @ linear.T + place[:3, 3])
+        faces.append((mesh.faces[:, ::-1] if mirrored else mesh.faces) + count)
+        normals.append(np.zeros((0, 3)) if own is None else own @ np.linalg.pinv(linear))
+        count += len(mesh.vertices)
+    known = len(np.concatenate(normals)) == count
+    return RawMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if known else None, ())
+
+
+def _own_normals(mesh: Any) -> Float[np.ndarray, "v 3"] | None:
     # as trimesh's own exporters ask; `vertex_normals` itself would compute them
-    normals = np.asarray(source.vertex_normals) if "vertex_normals" in source._cache else None
-    return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), normals, ())
+    return np.asarray(mesh.vertex_normals) if "vertex_normals" in mesh._cache else None

@@ -22,11 +22,23 @@ if TYPE_CHECKING:
 
 
 class MeshError(ValueError):
-    """A mesh or mesh file that cannot be used; the message is one line that says what to do."""
+    """A mesh or mesh file that cannot be used; the message is one line that says what to do.
+
+    >>> try:
+    ...     gash_jax.load_mesh((np.zeros((3, 3)), np.array([[0, 1, 3]])))
+    ... except gash_jax.MeshError as error:
+    ...     print(error)
+    1 of 1 faces name a vertex that does not exist (first: face 0 [0, 1, 3], the mesh has 3 vertices from 0): export ...
+    """
 
 
 class Mesh(NamedTuple):
-    """A triangle mesh. A vertex without a usable normal has normal 0."""
+    """A triangle mesh. A vertex without a usable normal has normal 0.
+
+    >>> mesh = gash_jax.load_mesh("bunny.ply")
+    >>> mesh.vertices.shape, mesh.normals.shape, mesh.faces.shape
+    ((362, 3), (362, 3), (720, 3))
+    """
 
     vertices: Float[np.ndarray, "v 3"]  # float32
     normals: Float[np.ndarray, "v 3"]  # float32, unit or 0

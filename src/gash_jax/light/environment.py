@@ -12,14 +12,14 @@ projection of a large map as fast as reading it.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jaxtyping import Float, Shaped
 
-from gash_jax.algebra.arguments import proper_rotation
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, proper_rotation
 from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.containers import Container
@@ -38,9 +38,14 @@ _BLOCK_PIXELS = 1 << 16  # of a map projected at once: memory stays below 60 MiB
 
 @dataclass(frozen=True, eq=False)
 class Light(Container):
-    """Radiance of an environment as SH coefficients (k, 3), and where it comes from; a pytree (`files.containers`)."""
+    """Radiance of an environment as SH coefficients (k, 3), and where it comes from; a pytree (`files.containers`).
 
-    coefficients: Float[Any, "k 3"]
+    >>> light = gash_jax.load_light("studio.hdr")
+    >>> light.coefficients.shape, light.bands, light.metadata["layout"]
+    ((9, 3), 3, 'latlong')
+    """
+
+    coefficients: Any  # Float "k 3", checked in words
     metadata: Mapping[str, Any] = field(default_factory=dict)
     bands: int = field(init=False)
 
@@ -49,8 +54,10 @@ class Light(Container):
         self._set(bands_of(len(self.coefficients)))
 
 
-# wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
-LightLike: TypeAlias = Light | Shaped[Array | np.ndarray, "..."]
+if TYPE_CHECKING:  # wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
+    LightLike: TypeAlias = Light | ArrayLike | Array
+else:  # what does not fit is refused below, in words
+    LightLike = Any
 
 
 def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
@@ -67,22 +74,26 @@ def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
     return found if found.dtype.kind == "f" else found.astype(np.float32)
 
 
-def project_light(image: Shaped[Array | np.ndarray, "..."], bands: int = 3, layout: str | None = None) -> Light:
+def project_light(image: ArrayLike | Array, bands: WholeNumber = 3, layout: str | None = None) -> Light:
     """The light of an environment map (h, w, 3) of linear RGB radiance.
 
     `layout` is one of "latlong", "angular", "cross", "equal-area"; without it a map twice as wide as high is latlong,
     and another one is recognised or refused. Raises LightError for another shape or values that are not finite,
     ValueError for bands outside 1 to 10.
+
+    >>> light = gash_jax.project_light(np.ones((32, 64, 3)), bands=2)
+    >>> light.coefficients.shape, round(float(light.coefficients[0, 0]), 3)
+    ((4, 3), 3.545)
     """
-    image = np.asarray(image)
+    image, bands = np.asarray(image), validate_bands(bands)
     coefficients = project_map(image, bands, layout)
     layout, note = layout_of(image, layout)
     entries = {"map": list(image.shape[:2]), "layout": layout, "notes": list(note)}
-    return Light(coefficients, light_metadata(validate_bands(bands), **entries))
+    return Light(coefficients, light_metadata(bands, **entries))
 
 
 def project_map(
-    image: Shaped[np.ndarray, "..."], bands: int, layout: str | None = None, progress: Progress | None = None
+    image: Shaped[np.ndarray, "..."], bands: WholeNumber, layout: str | None = None, progress: Progress | None = None
 ) -> Float[np.ndarray, "k 3"]:
     """Radiance coefficients of an environment map as `project_light`, summed in float64, returned as float32.
 
@@ -130,13 +141,18 @@ def _blocks(
         yield directions, block * solid_angles[..., None], rows.stop
 
 
-def load_light(path: str | Path, bands: int = 3, layout: str | None = None, progress: Progress | None = None) -> Light:
+def load_light(
+    path: str | Path, bands: WholeNumber = 3, layout: str | None = None, progress: Progress | None = None
+) -> Light:
     """Light with `bands` bands from an environment map (.hdr, .pic, .exr) or a light file (.npz).
 
     `layout` says how the map is laid out (`LAYOUTS`); without it a map twice as wide as high is latlong, another one is
     recognised where that is certain. `progress(done, total)` counts rows, read and projected. What reading decided is
     in `metadata["notes"]`. A light file with more bands is cut; with fewer it is refused, as the missing ones are not
     in it. Raises LightError for a map and FileError for an npz that cannot be used.
+
+    >>> gash_jax.load_light("studio.hdr", bands=4).coefficients.shape
+    (16, 3)
     """
     bands, path = validate_bands(bands), Path(path)
     if path.suffix.lower() == ".npz":
@@ -158,7 +174,12 @@ def load_light(path: str | Path, bands: int = 3, layout: str | None = None, prog
 
 
 def save_light(path: str | Path, light: Light) -> None:
-    """Write a light file; plain NumPy reads it without pickle."""
+    """Write a light file; plain NumPy reads it without pickle.
+
+    >>> gash_jax.save_light("studio.npz", gash_jax.load_light("studio.hdr"))
+    >>> gash_jax.load_light("studio.npz").bands
+    3
+    """
     metadata = {**light_metadata(light.bands), **light.metadata, "bands": light.bands}
     write_npz(path, {"coefficients": np.asarray(light.coefficients, np.float32)}, metadata)
 
@@ -168,11 +189,21 @@ def light_metadata(bands: int, **entries: Any) -> dict[str, Any]:
     return {"format": FORMAT, "version": FORMAT_VERSION, "bands": bands, "conventions": CONVENTIONS, **entries}
 
 
-def rotate_light(light: LightLike, rotation: Shaped[Array | np.ndarray, "..."]) -> Light | Float[Array, "k 3"]:
+@overload
+def rotate_light(light: Light, rotation: ArrayLike | Array) -> Light: ...
+@overload
+def rotate_light(light: ArrayLike | Array, rotation: ArrayLike | Array) -> Array: ...
+def rotate_light(light: LightLike, rotation: ArrayLike | Array) -> Light | Array:
     """The environment turned by a rotation matrix R (3, 3): what came from w comes from R w.
 
     A `Light` for a `Light`, an array for an array; works under jit, vmap and grad. Raises ValueError for what is no
     proper rotation.
+
+    >>> half_turn = np.diag([-1.0, 1.0, -1.0])
+    >>> light = gash_jax.load_light("studio.hdr")
+    >>> turned = gash_jax.rotate_light(light, half_turn)
+    >>> bool(np.allclose(turned.coefficients[3], -light.coefficients[3], atol=1e-6))
+    True
     """
     if not isinstance(rotation, Tracer):  # its numbers cannot be looked at
         rotation = proper_rotation(np.asarray(rotation)).astype(np.float32)

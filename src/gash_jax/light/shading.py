@@ -6,11 +6,14 @@ radiance 1 shades an unoccluded vertex to exactly 1. Windows (see `gash_jax.alge
 bright lights; they act here, never in files.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
+from gash_jax.algebra.arguments import ArrayLike
 from gash_jax.light.environment import LightLike, light_coefficients
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
@@ -18,8 +21,8 @@ from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 def shade(
     transfer: TransferLike,
     light: LightLike,
-    albedo: Shaped[Array | np.ndarray, "..."] | None = None,
-    window: Shaped[Array | np.ndarray, "..."] | None = None,
+    albedo: ArrayLike | Array | None = None,
+    window: ArrayLike | Array | None = None,
 ) -> Float[Array, "v 3"]:
     """Linear radiance leaving each vertex; works under jit, vmap and grad.
 
@@ -27,6 +30,11 @@ def shade(
     more bands than the transfer is cut to those of the transfer. `albedo` is one colour (3,) or one per vertex (v, 3),
     white if None; `window` one factor per transfer coefficient (k,). Raises ValueError for other shapes, and if the
     light has fewer bands than the transfer: project it again with as many.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
+    >>> radiance = gash_jax.shade(transfer, gash_jax.load_light("studio.hdr"), albedo=np.array([0.8, 0.6, 0.5]))
+    >>> radiance.shape
+    (362, 3)
     """
     coefficients = jnp.asarray(transfer_coefficients(transfer))
     radiance = jnp.asarray(light_coefficients(light))
@@ -50,6 +58,6 @@ def shade(
     return leaving * jnp.broadcast_to(jnp.asarray(albedo), leaving.shape)
 
 
-def _check_shape(name: str, value: Shaped[Array | np.ndarray, "..."] | None, shapes: list[tuple[int, ...]]) -> None:
+def _check_shape(name: str, value: Any, shapes: list[tuple[int, ...]]) -> None:
     if value is not None and np.shape(value) not in shapes:
         raise ValueError(f"{name} has shape {np.shape(value)}: give {' or '.join(map(str, shapes))}")

@@ -16,7 +16,11 @@ RIM = ((0.75, 0.3, -0.6), 16.0, (3.0, 4.0, 5.6))
 
 
 def studio_light(height: int = 128) -> Float[np.ndarray, "h w 3"]:
-    """Equirectangular map (height, 2 height, 3), linear radiance, float32. Raises ValueError for height < 4."""
+    """Equirectangular map (height, 2 height, 3), linear radiance, float32. Raises ValueError for height < 4.
+
+    >>> gash_jax.project_light(gash_jax.studio_light(64)).coefficients.shape
+    (9, 3)
+    """
     if height < 4:
         raise ValueError(f"a studio of {height} rows shows nothing: use 4 or more")
     directions = pixel_directions(height, 2 * height)

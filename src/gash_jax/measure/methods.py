@@ -9,7 +9,7 @@ from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
 from gash_jax.measure.reference import Reference, score
-from gash_jax.measure.timing import timed
+from gash_jax.measure.timing import timed, timed_on_both_clocks
 from gash_jax.models.model import Model
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.hemisphere import hemisphere_visibility
@@ -39,11 +39,16 @@ def measure_methods(
 
 
 def evaluate_mesh(model: Model, mesh: Mesh, reference: Reference) -> dict[str, Any]:
-    """Scores and times of a model on one mesh; visibility scores where the model predicts visibility."""
-    graph, graph_seconds = timed(lambda: model.graph(mesh))
-    _, network_seconds = timed(lambda: model(graph))
-    per_vertex = 1e6 / len(mesh.vertices)
-    times = {"graph_us": graph_seconds * per_vertex, "network_us": network_seconds * per_vertex}
+    """Scores and times of a model on one mesh; visibility scores where the model predicts visibility.
+
+    Times are microseconds per vertex: `graph_us` and `network_us` on the wall, `graph_cpu_us` and `network_cpu_us` of
+    all cores together.
+    """
+    graph, building = timed_on_both_clocks(lambda: model.graph(mesh))
+    _, network = timed_on_both_clocks(lambda: model(graph))
+    times = {"graph_us": building.wall, "network_us": network.wall}
+    times |= {"graph_cpu_us": building.cpu, "network_cpu_us": network.cpu}
+    times = {name: seconds * 1e6 / len(mesh.vertices) for name, seconds in times.items()}
     seen = visibility_score(model, mesh) if model.predicts_visibility else {}
     return {**times, **score(model.predict(mesh).coefficients, mesh, reference), **seen}
 

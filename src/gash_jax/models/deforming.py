@@ -98,6 +98,12 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     """A compiled function of the positions of all vertices, in the file's units; normals of `mesh` are carried along.
 
     Raises ValueError for a model other than `local`.
+
+    >>> mesh = gash_jax.load_mesh("bunny.ply")
+    >>> predict = gash_jax.deforming_predictor(gash_jax.load_model("local"), mesh)
+    >>> coefficients, predicted_error = predict(1.1 * mesh.vertices)
+    >>> coefficients.shape
+    (362, 9)
     """
     if not isinstance(model.config, SurfelConfig):
         raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")

@@ -16,7 +16,7 @@ import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 from jax.core import Tracer
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import WholeNumber, whole_number
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.files.settings import ConfigError
@@ -48,6 +48,13 @@ class Model:
 
     A mesh is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. The graph is what a JAX function
     takes: under jit, grad and vmap give that one. `params` is the tree of the weights.
+
+    >>> model = gash_jax.load_model("local")
+    >>> model("bunny.ply").shape
+    (362, 9)
+    >>> graph = model.graph("bunny.ply")
+    >>> coefficients, predicted_error = model.with_error(graph)
+    >>> transfer = model.predict("bunny.ply")
     """
 
     def __init__(self, config: ModelConfig, params: dict[str, Any], metadata: dict[str, Any] | None = None):
@@ -56,7 +63,7 @@ class Model:
         self.module, self.family = build_model(config), family_of(config)
         self._apply, self._logits = _compiled(config)
 
-    def graph(self, mesh: MeshLike, seed: int = 0) -> Any:
+    def graph(self, mesh: MeshLike, seed: WholeNumber = 0) -> Any:
         """What this model reads of a mesh; `seed` draws the neighbours of a `rings` graph."""
         return model_graph(self.config, as_mesh(mesh), whole_number(seed, "seed", 0))
 
@@ -89,7 +96,7 @@ class Model:
             raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
         return self._logits({"params": self.params}, graph)
 
-    def predict(self, mesh: MeshLike, seed: int = 0) -> Transfer:
+    def predict(self, mesh: MeshLike, seed: WholeNumber = 0) -> Transfer:
         """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
         mesh, seed = as_mesh(mesh), whole_number(seed, "seed", 0)
         started = time.perf_counter()
@@ -126,6 +133,9 @@ def load_model(name: str | Path) -> Model:
     """Load weights that ship with the package by name, or a model file by path.
 
     Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+
+    >>> gash_jax.load_model("mlp").config.name
+    'mlp'
     """
     shipped = shipped_models()
     if str(name) not in shipped and not Path(name).exists():

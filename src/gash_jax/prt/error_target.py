@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
@@ -55,7 +55,7 @@ class State(NamedTuple):
     quarters: Float[np.ndarray, "a 4 k"]
 
 
-def check_error(error: float) -> None:
+def check_error(error: RealNumber) -> None:
     """Raise ValueError for an error that no bake should aim at."""
     if not (isinstance(error, float | int | np.floating) and LOWEST_ERROR <= error <= HIGHEST_ERROR):
         raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error}")
@@ -118,10 +118,10 @@ def standard_error(state: State, quarters: Float[np.ndarray, "a 4 k"], bands: in
 
 def bake_to_error(
     mesh: MeshLike,
-    error: float,
-    bands: int = 3,
+    error: RealNumber,
+    bands: WholeNumber = 3,
     *,
-    seed: int = 0,
+    seed: WholeNumber = 0,
     backend: str = "embree",
     progress: ProgressFn | None = None,
 ) -> Transfer:
@@ -131,6 +131,10 @@ def bake_to_error(
     metadata's `modelled` says which share of the vertices stayed with a formula and how many rays each round took;
     `estimated_error` is what the bake believes it reached. `progress(done, total)` counts rays, the total as
     expected so far. Vertices stop at 2^15 rays each. Raises ValueError for options out of range.
+
+    >>> transfer = gash_jax.bake_to_error("bunny.ply", 0.05)
+    >>> transfer.metadata["estimated_error"] <= 0.05
+    True
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
 from gash_jax.algebra.sh import bands_of, validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -53,11 +53,17 @@ def transfer_bytes(mesh: Mesh, bands: int) -> int:
     return 4 * (len(mesh.vertices) * (2 * bands**2 + 6) + 3 * len(mesh.faces))
 
 
-def plan_bake(mesh: MeshLike, error: float = 0.02, *, bands: int = 3, light: Any = None, seed: int = 0) -> Plan:
+def plan_bake(
+    mesh: MeshLike, error: RealNumber = 0.02, *, bands: WholeNumber = 3, light: Any = None, seed: WholeNumber = 0
+) -> Plan:
     """Plan a bake to a relative error; with a light, the radiance that it makes decides the bands instead of `bands`.
 
     `light` is a Light or its coefficients (k, 3); all its bands count: give it as many as a bake may have. Raises
     ValueError for an error out of range.
+
+    >>> plan = gash_jax.plan_bake("bunny.ply", 0.05, light=gash_jax.load_light("studio.hdr", bands=10))
+    >>> plan.bands > 1, plan.rays_total > 0
+    (True, True)
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     check_error(error)

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Int
 
+from gash_jax.algebra.arguments import ArrayLike
 from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
 from gash_jax.files.containers import Container, array_names
@@ -42,6 +43,12 @@ class Transfer(Container):
     that of sampled results; `predicted_error` is the RMS error that a network expects of itself. Glossy transfer is
     held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices`, in float32 or
     float16. Rows of a bake have no faces.
+
+    >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
+    >>> transfer.bands, transfer.metadata["method"], transfer.mesh.faces.shape
+    (3, 'bake', (720, 3))
+    >>> transfer.to_trimesh().vertex_attributes["coefficients"].shape
+    (362, 9)
     """
 
     coefficients: Float[Any, "v k"] | Float[Any, "v k 3"]
@@ -72,8 +79,10 @@ class Transfer(Container):
         return surface
 
 
-# wherever coefficients go in: the container, or the plain array of NumPy or JAX
-TransferLike: TypeAlias = Transfer | Shaped[Array | np.ndarray, "..."]
+if TYPE_CHECKING:  # wherever coefficients go in: the container, or the plain array of NumPy or JAX
+    TransferLike: TypeAlias = Transfer | ArrayLike | Array
+else:  # what does not fit is refused below, in words
+    TransferLike = Any
 
 
 def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "v k"] | Float[Any, "v k 3"]:
@@ -88,7 +97,7 @@ def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "
             "give what a bake or a model returns"
         )
     bands_of(found.shape[1])
-    return found
+    return found if found.dtype.kind == "f" else found.astype(np.float32)
 
 
 @cache
@@ -116,6 +125,10 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
     """Write a transfer file; plain NumPy reads it without pickle. Raises FileError where the arrays do not fit.
 
     Of metadata that a transformation has dropped, format and conventions are written all the same.
+
+    >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
+    >>> sorted(np.load("bunny.npz").files)
+    ['coefficients', 'faces', 'metadata', 'normals', 'standard_error', 'vertices']
     """
     arrays = {}
     for name in array_names(Transfer):
@@ -130,7 +143,12 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
 
 
 def load_transfer(path: str | Path) -> Transfer:
-    """Read a transfer file and check it whole: types, shapes that fit, finite values, faces of existing vertices."""
+    """Read a transfer file and check it whole: types, shapes that fit, finite values, faces of existing vertices.
+
+    >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
+    >>> gash_jax.load_transfer("bunny.npz").coefficients.shape
+    (362, 9)
+    """
     arrays, metadata = read_npz(path, "transfer", ("coefficients", "vertices", "normals", "faces"))
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a transfer file: bake or predict one")

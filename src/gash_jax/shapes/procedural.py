@@ -132,6 +132,10 @@ def make_shape(seed: int, index: int, vertices: tuple[int, int] = (1000, 4000)) 
 
     The vertex count is drawn log-uniformly from the range and met to about 30 %. Half of the shapes are turned
     freely, the others stand along the axes in one of 24 ways.
+
+    >>> kind, mesh = gash_jax.make_shape(0, 5, vertices=(200, 300))
+    >>> mesh.faces.shape[1]
+    3
     """
     kind = shape_kind(seed, index)
     rng = np.random.default_rng([seed, 1, index])

@@ -82,7 +82,11 @@ class TrainConfig:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that determines a run."""
+    """Everything that determines a run.
+
+    >>> gash_jax.RunConfig(name="mine").to_dict()["optim"]["learning_rate"]
+    0.002
+    """
 
     name: str = "run"
     model: ModelConfig = field(default_factory=model_config)
@@ -145,6 +149,10 @@ def load_config(name: str | Path, overrides: Iterable[str] = ()) -> RunConfig:
     """Read a config (.toml, a run's config.json, a shipped name) with its bases, then apply `key=value` overrides.
 
     Keys of overrides are dotted, as in train.seconds=60. Raises ConfigError.
+
+    >>> config = gash_jax.load_config("mlp", ["train.seconds=60", "model.channels=32"])
+    >>> config.model.channels, config.train.seconds
+    (32, 60.0)
     """
     values = _read(shipped_configs().get(str(name), Path(name)))
     for text in overrides:

@@ -2,9 +2,13 @@
 
 A resumed run first drops the lines after its checkpoint, so that every step is logged once. Events cannot be cut; a
 resumed run starts another event file in the same folder, whose later steps TensorBoard prefers.
+
+Every line says what the run has taken so far, compilation and validation included: `wall_seconds`, and `cpu_seconds` of
+all cores together, which are fair where other work runs beside it. A resumed run counts on from its last line.
 """
 
 import json
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -12,6 +16,7 @@ from typing import Any
 from tensorboardX import SummaryWriter
 
 LINES, EVENTS = "metrics.jsonl", "events"
+CLOCKS = {"wall_seconds": time.perf_counter, "cpu_seconds": time.process_time}
 
 
 class MetricsLog:
@@ -27,6 +32,9 @@ class MetricsLog:
             if (number, line["step"]) <= (phase, step):
                 kept.append(line)
                 self._first[number] = max(self._first.get(number, 0), line["step"])
+        last = kept[-1] if kept else {}
+        self._before = {name: float(last.get(name, 0.0)) for name in CLOCKS}
+        self._started = {name: clock() for name, clock in CLOCKS.items()}
         self._path.write_text("".join(json.dumps(line) + "\n" for line in kept))
         self._names, self._file = names, open(self._path, "a", encoding="utf-8")
         self._events = SummaryWriter(str(folder / EVENTS), purge_step=self._global(phase, step) + 1, flush_secs=30)
@@ -37,11 +45,16 @@ class MetricsLog:
 
     def write(self, phase: int, step: int, values: dict[str, float]) -> None:
         """One line; values by name, such as "loss" or "validation"."""
-        self._file.write(json.dumps({"phase": self._names[phase], "step": step, **values}) + "\n")
+        line = {"phase": self._names[phase], "step": step, **values, **self._seconds()}
+        self._file.write(json.dumps(line) + "\n")
         self._file.flush()
         self._first[phase] = max(self._first.get(phase, 0), step)
         for name, value in values.items():
             self._events.add_scalar(f"{self._names[phase]}/{name}", value, self._global(phase, step))
+
+    def _seconds(self) -> dict[str, float]:
+        """What the run has taken so far, by each clock."""
+        return {name: self._before[name] + clock() - self._started[name] for name, clock in CLOCKS.items()}
 
     def __enter__(self) -> "MetricsLog":
         return self

@@ -28,7 +28,14 @@ def run_config(
     report: ReportFn | None = None,
     notify: Callable[[str], None] = lambda text: None,
 ) -> tuple[Path, list[Item]]:
-    """Train (or continue) the run in `folder`; its model file, and the validation shapes."""
+    """Train (or continue) the run in `folder`; its model file, and the validation shapes.
+
+    >>> tiny = ["data.shapes=1", "data.rays=16", "data.min_vertices=150", "data.max_vertices=200"]
+    >>> config = gash_jax.load_config("mlp", [*tiny, "data.validation_shapes=1", "train.steps=2", "model.channels=8"])
+    >>> path, validation_shapes = gash_jax.run_config(config, "run")
+    >>> gash_jax.load_model(path).config.name
+    'mlp'
+    """
     teacher = load_model(config.train.teacher) if config.train.teacher else None
     start = _start(config)
     items, validation = training_items(config, progress)

@@ -28,7 +28,7 @@ import jax
 from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.models.model import load_model
 from gash_jax.train.config import RunConfig, load_config, shipped_configs
-from gash_jax.train.logs import read_lines
+from gash_jax.train.logs import CLOCKS, read_lines
 from gash_jax.train.loop import ReportFn
 from gash_jax.train.run import run_config
 
@@ -133,6 +133,7 @@ def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[st
         "steps": last[-1]["step"],
         "phase_steps": {line["phase"]: line["step"] for line in lines},
         "best_step": best["step"],
+        **{name: lines[-1].get(name) for name in CLOCKS},
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(model.params)),
         **{name: best[name] for name in ("mse", "relrmse", "skill", "shadow_mse")},
     }

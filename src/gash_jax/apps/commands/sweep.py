@@ -24,7 +24,7 @@ from gash_jax.files.settings import ConfigError
 from gash_jax.measure.timing import timed
 from gash_jax.models.model import load_model
 from gash_jax.shapes.procedural import make_shape
-from gash_jax.train.logs import whole_lines
+from gash_jax.train.logs import CLOCKS, whole_lines
 from gash_jax.train.sweep import Run, load_sweep, run_folder
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
@@ -111,6 +111,9 @@ def _summary(lines: Sequence[dict[str, Any]], axes: list[str], times: dict[str, 
             row[measure] = float(np.mean(values))
             row[f"{measure}_std"] = float(np.std(values, ddof=1)) if len(values) > 1 else None
         row["steps"] = round(float(np.mean([line["steps"] for line in seeds])))
+        for name in CLOCKS:
+            spent = [line[name] for line in seeds if line.get(name) is not None]  # older runs were not timed
+            row[name] = float(np.mean(spent)) if spent else None
         rows.append(row)
     return rows
 

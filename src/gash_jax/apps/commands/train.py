@@ -12,7 +12,7 @@ from gash_jax.apps.progress import progress_bar
 from gash_jax.files.settings import allowed_values
 from gash_jax.models.families import FAMILIES
 from gash_jax.train.config import DataConfig, OptimConfig, TrainConfig, load_config, shipped_configs
-from gash_jax.train.logs import read_lines
+from gash_jax.train.logs import CLOCKS, read_lines
 from gash_jax.train.run import run_config
 
 CURVES = "curves.png"
@@ -69,7 +69,11 @@ def train(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: 
 
         path, validation = run_config(run, folder, corpus, report, lambda note: say(f"  {note}", quiet))
     plot_curves(folder, folder / CURVES)
-    last = read_lines(folder)[-1]
+    lines = read_lines(folder)
+    last, steps = lines[-1], {line["phase"]: line["step"] for line in lines}
     if "skill" in last:  # there are shapes to validate on
         say(f"{len(validation)} validation shapes: skill {last['skill']:.3f}, relrmse {last['relrmse']:.4f}", quiet)
+    if CLOCKS.keys() <= last.keys():  # older runs were not timed
+        wall, cpu = (last[name] for name in CLOCKS)
+        say(f"{sum(steps.values())} steps in {wall:.1f} s, {cpu:.1f} CPU seconds", quiet)
     say(f"wrote {path} and {folder / CURVES}", quiet)

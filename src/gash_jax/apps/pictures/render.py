@@ -3,9 +3,10 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Shaped, UInt8
+from jax import Array
+from jaxtyping import UInt8
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import ArrayLike, RealNumber, WholeNumber, whole_number
 from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.formats.meshes import as_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -18,11 +19,11 @@ def render(
     transfer: Transfer,
     light: LightLike,
     *,
-    rotation: Shaped[Any, "..."] | None = None,
-    exposure: float | None = None,
+    rotation: ArrayLike | Array | None = None,
+    exposure: RealNumber | None = None,
     camera: Camera = "front",
-    size: int = 512,
-    albedo: Shaped[Any, "..."] | None = None,
+    size: WholeNumber = 512,
+    albedo: ArrayLike | Array | None = None,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """A picture of the relit mesh, (size, size, 3) in 8-bit sRGB.
 

@@ -7,7 +7,7 @@ transfer. Pixels are averaged in linear light over `SAMPLES` x `SAMPLES` rays, e
 grows lighter downwards, where bodies lit from above are dark: neither their lit nor their dark side melts into it.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -37,8 +37,10 @@ class Hit(NamedTuple):
     weights: np.ndarray  # (h, w, 3) float32
 
 
-# the name of a view, or azimuth and elevation in degrees
-Camera: TypeAlias = str | tuple[float, float]
+if TYPE_CHECKING:  # the name of a view, or azimuth and elevation in degrees
+    Camera: TypeAlias = str | tuple[float, float] | np.ndarray
+else:  # what does not fit is refused in words
+    Camera = Any
 
 
 def _camera(view: Camera) -> tuple[np.ndarray, np.ndarray]:
