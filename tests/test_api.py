@@ -42,4 +42,4 @@ def test_an_example_that_is_wrong_is_noticed() -> None:
 def test_the_page_names_everything_that_is_public() -> None:
     text = page()
     assert [name for name in NAMES if f"### `{name}`\n" not in text] == []
-    assert "bake_transfer(mesh: MeshLike, bands: int=3, rays: int=256" in text
+    assert "bake_transfer(mesh: MeshLike, bands: WholeNumber=3, rays: WholeNumber=256" in text
