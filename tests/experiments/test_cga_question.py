@@ -74,7 +74,8 @@ def test_differences_are_taken_seed_by_seed() -> None:
     lines = cga_table.encodings({"rows": [*plain, *motor]}).splitlines()
     assert len(lines) == 4
     assert (
-        lines[2] == "| published | position and normal, 6 numbers | 7 | 10 | 3 | 1.000 ± 2.484 |  | 0.500 ± 0.000 |  |"
+        lines[2]
+        == "| published: GATv2 | position and normal, 6 numbers | 7 | 10 | 3 | 1.000 ± 2.484 |  | 0.500 ± 0.000 |  |"
     )
     expected = (
         "| published | motor, 32 numbers | 7 | 20 | 2 | 2.000 ± 6.353 | 0.500 ± 0.000 | 1.000 ± 0.000 | 0.500 ± 0.000 |"

@@ -13,6 +13,7 @@ from gash_jax.models.examples import Example, WholeShapes
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.objectives import flat, objectives
+from tests.conftest import FAST_COMPILATION
 from tests.helpers.bumpy import random_variables
 
 SCRIPT = """
@@ -78,7 +79,7 @@ NETS = {
 
 @pytest.mark.slow
 def test_four_devices_give_the_loss_of_one(tmp_path) -> None:
-    flags = "--xla_force_host_platform_device_count=4 --xla_backend_optimization_level=0"
+    flags = f"--xla_force_host_platform_device_count=4 {FAST_COMPILATION}"
     command = [sys.executable, "-c", SCRIPT, json.dumps(NETS), str(tmp_path)]
     done = subprocess.run(command, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
