@@ -77,5 +77,5 @@ def test_differences_are_taken_seed_by_seed() -> None:
         lines[2]
         == "| published: GATv2 | position and normal, 6 numbers | 7 | 10 | 3 | 1.000 ± 2.484 |  | 0.500 ± 0.000 |  |"
     )
-    expected = "| published: GATv2 | motor, 32 numbers | 7 | 20 | 2 | 2.000 ± 6.353 | 0.500 ± 0.000 | 1.000 ± 0.000 | 0.500 ± 0.000 |"
-    assert lines[3] == expected
+    start = "| published: GATv2 | motor, 32 numbers | 7 | 20 | 2 | 2.000 ± 6.353 | 0.500 ± 0.000 "
+    assert lines[3] == f"{start}| 1.000 ± 0.000 | 0.500 ± 0.000 |"
