@@ -71,7 +71,9 @@ def test_every_model_learns_and_its_file_predicts(
 ) -> None:
     training, validation = _examples(items, name)
     monkeypatch.setattr(train, "LOG_EVERY", 1)
-    path = train.train_model(_config(name, 40), training[:1], validation, tmp_path)  # one shape: every batch is it
+    config = _config(name, 40)
+    config = replace(config, train=replace(config.train, checkpoint_every=40))
+    path = train.train_model(config, training[:1], validation, tmp_path)  # one shape: every batch is it
     lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     losses = [line["loss"] for line in lines if line.get("phase") == "coefficients" and "loss" in line]
     assert np.mean(losses[-3:]) < 0.9 * losses[0]
