@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.options import parser, saved
 from gash_jax.formats.meshes import load_mesh
-from gash_jax.geometry.health import MeshError
+from gash_jax.geometry.mesh import MeshError
 from gash_jax.measure.metrics import calibration
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
