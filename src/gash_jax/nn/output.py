@@ -7,15 +7,14 @@ config's `frame` says it:
     world    both in the world's: directions over the whole sphere, those below the horizon never visible
     vertex   both in the frame of the vertex: coefficients are turned into the world here
 
-The frame of a vertex is what the rotor of its motor makes of the world's axes: +y becomes the normal. With `residual` the
-network says what is to be added to the transfer without shadows. The loss sees coefficients in the world; a rotation
-changes no mean square error.
+The frame of a vertex is what the rotor of its motor makes of the world's axes: +y becomes the normal. With `residual`
+the network says what is to be added to the transfer without shadows. The loss sees coefficients in the world; a
+rotation changes no mean square error.
 """
 
 import math
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
