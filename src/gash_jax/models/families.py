@@ -86,7 +86,7 @@ def traced_visibility(config: TeacherConfig, mesh: Mesh) -> Bool[np.ndarray, "v 
 
 
 def label_visibility(config: ModelConfig, item: Item) -> Float[np.ndarray, "v n"]:
-    """The visibility that a network learns from a shape: that of the shape, or traced where the frame is the world's."""
+    """The visibility that a network learns from a shape: the shape's, or traced where the frame is the world's."""
     if isinstance(config, TeacherConfig) and config.frame == "world":
         return traced_visibility(config, item.mesh).astype(np.float32)
     return item.visibility
