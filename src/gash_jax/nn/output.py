@@ -31,7 +31,9 @@ class OutputConfig(ModelConfig):
     """A network that ends in `world_coefficients`."""
 
     frame: str = setting(
-        "mixed", "axes of visibilities and coefficients: the world's, the vertex's, or one each", choices=FRAMES
+        "mixed",
+        "axes of visibilities and coefficients; mixed: the vertex's for one, the world's for the other",
+        choices=FRAMES,
     )
     residual: bool = setting(False, "whether the network says what to add to the transfer without shadows")
 
