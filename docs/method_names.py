@@ -1,9 +1,10 @@
 """What the methods are called in the documents: by what they are, with the name of their config apart.
 
-Runs are stored under the names of their configs (`gash train NAME`); "-long" ones had more time.
+Runs are stored under the names of their configs (`gash train NAME`); "-long" ones had more time, others name the frame
+that they are in and whether they are residual.
 """
 
-from experiments.neural_gash.variants import LONG, SHORT
+from experiments.neural_gash.variants import LONG, READINGS, SHORT, reading_name
 
 _NAMES = {
     "closed form": "closed form, no shadows",
@@ -32,9 +33,12 @@ def method_name(key: str) -> str:
     """What a method of the results is called; names that are words already stay as they are."""
     base = key.removesuffix(" + AO")
     short = base.removesuffix("-long")
-    name = _NAMES.get(short, base)
-    if base != short:
-        name += f", {LONG[short] / 60:.0f} min"
+    remark = f", {LONG[short] / 60:.0f} min" if base != short else ""
+    for frame, residual in READINGS:
+        suffix = reading_name("", frame, residual)
+        if base.endswith(suffix):
+            short, remark = base.removesuffix(suffix), f", frame {frame}{', residual' if residual else ''}"
+    name = _NAMES.get(short, short) + remark
     return f"{name}; with ambient occlusion" if base != key else name
 
 

@@ -26,6 +26,8 @@ import numpy as np
 OLD_NAMES: dict[str, str] = {"doubt/kernel": "error_hidden/kernel", "doubt/bias": "error_hidden/bias"}
 OLD_NAMES |= {"error/kernel": "error_head/kernel", "error/bias": "error_head/bias"}
 
+FRAMES = ("mixed", "world", "vertex")
+
 
 class Model(NamedTuple):
     """The "model" table of the metadata, and the arrays by name."""
@@ -124,6 +126,15 @@ def motors(positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
     for plus, minus, part in ((E123P, E123M, 0), (E1P, E1M, 1), (E2P, E2M, 2), (E3P, E3M, 3)):
         out[:, plus] = out[:, minus] = dual[part]
     return out
+
+
+def rotor_matrices(motor: np.ndarray) -> np.ndarray:
+    """Rotation (v, 3, 3) of each motor's rotor; its columns are the axes of the vertex's frame."""
+    w, x, y, z = motor[:, SCALAR], -motor[:, E23], motor[:, E13], -motor[:, E12]
+    rows = [(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y))]
+    rows += [(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x))]
+    rows += [(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))]
+    return np.stack([np.stack(row, -1) for row in rows], axis=-2)
 
 
 # ---------------------------------------------------------------- graph (section "Graphs")
@@ -493,6 +504,18 @@ def coefficient_net(a: dict[str, np.ndarray], room: str, x: np.ndarray, table: n
     return dense(a, f"{room}head", x)
 
 
+def world_coefficients(config: dict[str, Any], said: np.ndarray, motor: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """What mlp, gnn, teacher and two-stage end in: turned out of the vertex's frame, added to the closed form."""
+    frame = config.get("frame", "mixed")
+    if frame not in FRAMES:
+        raise ValueError(f"{config['name']} with the frame {frame}: this file knows {', '.join(FRAMES)}")
+    if frame == "vertex":
+        said = rotate_sh(said, rotor_matrices(motor))
+    if config.get("residual", False):
+        said = closed_form(normals.astype(np.float64), config["bands"]) + said
+    return finished(said, normals)
+
+
 def local_net(a: dict[str, np.ndarray], edges: np.ndarray, table: np.ndarray, config: dict[str, Any]) -> np.ndarray:
     """The residual to the closed form, in each vertex's own frame."""
     hidden = relu(edges @ a["pooling/kernel"] + a["pooling/bias"])
@@ -675,7 +698,9 @@ def predict(
     visibility: np.ndarray | None = None,
     seed: int = 0,
 ) -> np.ndarray:
-    """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told."""
+    """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told,
+    of the directions of its frame (section "Directions").
+    """
     config, a = model
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config.get("neighbours", 0)
@@ -690,7 +715,7 @@ def predict(
         x = motor
         for i in range(config["layers"]):
             x = relu(dense(a, f"dense_{i}", x))
-        return finished(dense(a, "head", x), normals)
+        return world_coefficients(config, dense(a, "head", x), motor, normals)
     points, serving = vertices.astype(np.float64), np.flatnonzero(used)
     table = rings(points, serving, k, seed) if "rings" in (name, config.get("graph")) else nearest(points, serving, k)
     if name == "rings":
@@ -702,15 +727,15 @@ def predict(
         residual = rotate_sh(local_net(a, edges, table, config), frames)
         return finished(closed_form(normals.astype(np.float64), config["bands"]) + residual, normals)
     if name == "gnn":
-        return finished(coefficient_net(a, "", motor, table, config), normals)
+        return world_coefficients(config, coefficient_net(a, "", motor, table, config), motor, normals)
     if name == "teacher":
         if visibility is None:
             raise ValueError("a teacher needs visibility (v, 25): what every vertex sees along its directions")
         inputs = np.concatenate([motor, np.asarray(visibility, np.float32)], axis=1)
-        return finished(coefficient_net(a, "", inputs, table, config), normals)
+        return world_coefficients(config, coefficient_net(a, "", inputs, table, config), motor, normals)
     seen = 1 / (1 + np.exp(-visibility_net(a, motor, table, config)))
     inputs = np.concatenate([motor, seen.astype(np.float32)], axis=1)
-    return finished(coefficient_net(a, "coefficient/", inputs, table, config), normals)
+    return world_coefficients(config, coefficient_net(a, "coefficient/", inputs, table, config), motor, normals)
 
 
 def predict_with_error(

@@ -3,6 +3,8 @@
     .venv/bin/python -m experiments.neural_gash.evaluate --meshes FOLDER --output FILE.json [--only local]
 
 FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates.
+Beside the networks stand maps that are linear in 25 traced visibilities (`linear.py`), and of networks that are told
+visibilities the skill by where they come from (`stages.py`).
 Times are medians of five after a warm-up, graphs built before unless said. What the stages take: `latency.py`. With
 --only the named model is measured and FILE.json keeps what it says of the others.
 """
@@ -15,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.options import parser, saved
-from experiments.neural_gash.variants import LONG, SHORT, folder_of
+from experiments.neural_gash.linear import LinearMap, corpus, fit_all, predict
+from experiments.neural_gash.stages import stage_two_skills
+from experiments.neural_gash.variants import LONG, SHORT, folder_of, reading_names
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -62,11 +66,12 @@ def load_meshes(folder: Path | None, quick: bool) -> dict[str, Callable[[], Mesh
 def load_models(runs: Path) -> dict[str, Model]:
     """The finished runs, and the network that ships."""
     folders = [folder_of(runs, name, False) for name in SHORT] + [folder_of(runs, name, True) for name in LONG]
+    folders += [runs / name for name in reading_names()]
     found = {folder.name: load_model(folder / "model.npz") for folder in folders if (folder / "model.npz").exists()}
     return found | {"local": load_model("local")}
 
 
-def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[str, Any]:
+def measure(mesh: Mesh, models: dict[str, Model], linear: list[LinearMap], reference: Reference) -> dict[str, Any]:
     """Scores and times of every method on one mesh; times in microseconds per vertex."""
     per_vertex = 1e6 / len(mesh.vertices)
     rows: dict[str, Any] = {}
@@ -80,8 +85,11 @@ def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[
             **score(transfer.coefficients, mesh, reference),
             "network_us": seconds * per_vertex,
         }
+    for fitted in linear:
+        found, seconds = timed(lambda m=fitted: predict(m, mesh), 3)
+        rows[fitted.name] = {**score(found, mesh, reference), "network_us": seconds * per_vertex}
     for name, model in models.items():
-        rows[name] = evaluate_mesh(model, mesh, reference)
+        rows[name] = {**evaluate_mesh(model, mesh, reference), **stage_two_skills(model, mesh, reference)}
         if name.startswith("two-stage"):
             predicted = model.predict(mesh).coefficients
             refined, seconds = timed(lambda p=predicted: ambient_refinement(mesh, p))
@@ -90,12 +98,12 @@ def measure(mesh: Mesh, models: dict[str, Model], reference: Reference) -> dict[
 
 
 def main(runs: Path, meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
-    models, rows = load_models(runs), []
+    models, linear, rows = load_models(runs), fit_all(corpus(quick)[0]), []
     rays = 256 if quick else REFERENCE_RAYS
     for name, read in load_meshes(meshes, quick).items():
         mesh = read()
         reference = make_reference(mesh, rays=rays)
-        methods = measure(mesh, models, reference)
+        methods = measure(mesh, models, linear, reference)
         rows.append({"mesh": name, "vertices": len(mesh.vertices), "methods": methods})
         skills = {n: m["skill"] for n, m in methods.items() if n in models}
         print(name, len(mesh.vertices), {n: round(s, 2) if isinstance(s, float) else s for n, s in skills.items()})
@@ -110,7 +118,7 @@ def renew(name: str, meshes: Path | None, output: Path) -> dict[str, Any]:
     for row in results["rows"]:
         mesh = readers[row["mesh"]]()
         reference = make_reference(mesh, rays=results["arguments"]["rays"])
-        row["methods"][name] = evaluate_mesh(model, mesh, reference)
+        row["methods"][name] = {**evaluate_mesh(model, mesh, reference), **stage_two_skills(model, mesh, reference)}
         print(row["mesh"], row["methods"][name]["skill"], flush=True)
     results["runs"][name] = model.metadata.get("run", {})
     results.setdefault("renewed", {})[name] = provenance(seed=0, arguments={"only": name})

@@ -2,16 +2,21 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks import corpus_sizes
 from docs import results_page
 from docs.conclusions import median_rays
+from docs.method_names import method_name
 from experiments.local import speed, trust
-from experiments.neural_gash import evaluate, latency, pictures, scene, variants
+from experiments.neural_gash import evaluate, latency, linear, pictures, scene, stages, variants
+from gash_jax.measure.reference import make_reference
+from gash_jax.models.examples import Item
 from gash_jax.models.families import build_model, model_config, model_graph
-from gash_jax.models.model import save_model
+from gash_jax.models.model import Model, load_model, save_model
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
@@ -26,11 +31,84 @@ SWEEP = f"""{HEADER}
 
 def test_every_variant_has_a_config_and_the_same_budget(tmp_path: Path) -> None:
     configs = {folder.name: make() for folder, make in list(variants.run_configs(tmp_path).items())}
-    assert set(configs) == {*variants.SHORT, *(f"{name}-long" for name in variants.LONG)}
+    longer = {f"{name}-long" for name in variants.LONG}
+    assert set(configs) == {*variants.SHORT, *longer, *variants.reading_names()}
     short = [config for name, config in configs.items() if not name.endswith("-long")]
     assert {(c.train.seconds, c.train.clock) for c in short} == {(300.0, "cpu")}
-    assert {c.data.shapes for c in short if c.name != "mlp-deep"} == {64}
+    assert {c.data.shapes for c in short if not c.name.startswith("mlp-deep")} == {64}
     assert configs["student-gnn"].train.teacher == str(tmp_path / "teacher" / "model.npz")
+
+
+def test_folders_say_frame_and_residual(tmp_path: Path) -> None:
+    """Both frames with and without residual; what would be the same run twice is there once."""
+    configs: Any = {folder.name: make() for folder, make in variants.run_configs(tmp_path).items()}
+    assert len(variants.reading_names()) == len(set(variants.reading_names())) == 4 * 7 - 3
+    for name in variants.reading_names():
+        model = configs[name].model
+        assert (f"-{model.frame}" in name, name.endswith("-residual")) == (True, model.residual)
+        if name.startswith("student"):
+            teacher = Path(configs[name].train.teacher).parent.name
+            taught: Any = configs[teacher].model
+            assert (taught.name, taught.frame, taught.residual) == ("teacher", model.frame, model.residual)
+            assert list(configs).index(teacher) < list(configs).index(name)
+    blind = {configs[name].model.name for name in variants.BLIND}
+    assert blind == {"mlp", "gnn"} and not any(hasattr(configs[n].model, "visibility_directions") for n in blind)
+    assert method_name("teacher-vertex") == "GATv2, visibility given, frame vertex"
+    assert method_name("two-stage-world-residual + AO").startswith(
+        "TransformerConv + GATv2, frame world, residual; with"
+    )
+    assert method_name("mlp-long") == "MLP, 15 min" and method_name("closed form") == "closed form, no shadows"
+
+
+@pytest.fixture(scope="module")
+def shapes() -> tuple[list[Item], list[Item]]:
+    return linear.corpus(quick=True)
+
+
+@pytest.mark.parametrize(("frame", "residual"), linear.ENDS)
+def test_a_linear_fit_finds_the_map_that_made_its_labels(
+    frame: str, residual: bool, shapes: tuple[list[Item], list[Item]]
+) -> None:
+    items, unseen = shapes
+    weights = np.random.default_rng(0).normal(0, 0.1, (26, 9))
+    made = linear.LinearMap(weights, frame, residual)
+    labelled = [item._replace(coefficients=linear.predict(made, item.mesh)) for item in items]
+    found = linear.fit(labelled, frame, residual)
+    predicted = linear.predict(found, unseen[0].mesh)
+    np.testing.assert_allclose(predicted, linear.predict(made, unseen[0].mesh), atol=1e-4)
+
+
+def test_in_the_frame_of_the_vertex_a_linear_fit_is_residual_anyway(shapes: tuple[list[Item], list[Item]]) -> None:
+    items, unseen = shapes
+    plain, residual = (linear.predict(linear.fit(items, "vertex", r), unseen[0].mesh) for r in (False, True))
+    np.testing.assert_allclose(plain, residual, atol=1e-4)
+
+
+def test_the_linear_row_is_worth_something_in_the_frame_of_the_vertex_alone(tmp_path: Path) -> None:
+    result = linear.main(tmp_path / "linear.json", quick=True)
+    first = {(row["frame"], row["residual"]): row["skills"][0] for row in result["rows"]}
+    assert first["vertex", False] > 0.8 > 0 > first["world", False] > first["mixed", False]
+    assert (tmp_path / "linear.json").stat().st_size > 500
+
+
+@pytest.mark.parametrize("frame", ["vertex", "world"])
+def test_skill_of_stage_two_by_what_it_is_told(frame: str) -> None:
+    mesh = bumpy_mesh(60)
+    small: Any = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6, "frame": frame, "residual": True}
+    sizes: Any = {"visibility_channels": 8, "visibility_layers": 1}
+    reference = make_reference(mesh, rays=64)
+    for config in (model_config("teacher", **small), model_config("two-stage", **small, **sizes)):
+        weights = random_variables(build_model(config), model_graph(config, mesh), spread=0.1)["params"]
+        model = Model(config, weights)
+        skills, own = (
+            stages.stage_two_skills(model, mesh, reference),
+            evaluate.score(np.asarray(model(mesh)), mesh, reference),
+        )
+        usual = "predicted" if config.name == "two-stage" else "traced"
+        assert skills[f"skill_{usual}"] == pytest.approx(own["skill"], abs=1e-4)
+        assert set(skills) == {f"skill_{name}" for name in ("traced", usual, "constant")}
+        assert len(set(skills.values())) == len(skills)
+    assert stages.stage_two_skills(load_model("mlp"), mesh, reference) == {}
 
 
 @pytest.mark.slow
@@ -69,6 +147,9 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
     assert f"{row['methods']['local']['skill']:.3f}" in text
+    told = row["methods"]["two-stage"]
+    assert told["skill_predicted"] == pytest.approx(told["skill"], abs=1e-3) and "majority_accuracy" in told
+    assert "| linear in 25 rays, frame vertex |" in text
 
 
 def test_sizes_of_the_corpora() -> None:

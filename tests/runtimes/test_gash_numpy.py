@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,10 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
-from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph
+from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph, traced_visibility
 from gash_jax.models.model import Model, load_model, save_model, shipped_models
 from gash_jax.nn.config import ModelConfig
-from gash_jax.prt.hemisphere import hemisphere_visibility
+from gash_jax.nn.output import FRAMES
 from gash_jax.shapes.procedural import make_shape
 from runtimes import gash_numpy
 from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
@@ -35,6 +36,10 @@ NETS = {
     "local": model_config("local", channels=8, layers=1, neighbours=16),
     "local, 5 bands": model_config("local", 5, channels=8, neighbours=24),
 }
+
+# what all networks over motors end in, on the one that compiles fastest, and once each on the others
+ENDS = [("mlp", frame, residual) for frame in FRAMES for residual in (False, True)]
+ENDS += [(name, frame, True) for name in ("gnn", "teacher", "two-stage") for frame in ("world", "vertex")]
 
 SURFEL_NETS = [name for name, config in NETS.items() if config.name == "local"]
 
@@ -76,7 +81,17 @@ def _assert_equal(found: np.ndarray, truth: np.ndarray) -> None:
 @pytest.mark.parametrize("net", NETS)
 def test_every_model_equals_the_package(net: str, mesh: Mesh, tmp_path: Path) -> None:
     path = _written(NETS[net], tmp_path / "model.npz")
-    told = hemisphere_visibility(mesh) if net == "teacher" else None
+    _assert_predicts_as_the_package(NETS[net], path, mesh)
+
+
+@pytest.mark.parametrize(("net", "frame", "residual"), ENDS)
+def test_every_frame_and_residual_equals_the_package(net: str, frame: str, residual: bool, tmp_path: Path) -> None:
+    config: Any = replace(NETS[net], layers=1, frame=frame, residual=residual)  # type: ignore[call-arg]
+    _assert_predicts_as_the_package(config, _written(config, tmp_path / "model.npz"), MESHES["odd"])
+
+
+def _assert_predicts_as_the_package(config: Any, path: Path, mesh: Mesh) -> None:
+    told = traced_visibility(config, mesh) if config.name == "teacher" else None
     truth = load_model(path).predict(mesh).coefficients
     found = gash_numpy.predict(gash_numpy.load_model(str(path)), *mesh, visibility=told)
     assert found.dtype == np.float32 and found.shape == truth.shape
@@ -192,6 +207,20 @@ def test_an_encoding_it_does_not_know_is_refused(tmp_path: Path) -> None:
     model = gash_numpy.load_model(str(_written(NETS["gnn"], tmp_path / "m.npz")))
     with pytest.raises(ValueError, match="gnn with the encoding motor-7: this file knows motor only"):
         gash_numpy.predict(model._replace(config={**model.config, "encoding": "motor-7"}), *MESHES["odd"])
+
+
+def test_a_frame_it_does_not_know_is_refused(tmp_path: Path) -> None:
+    model = gash_numpy.load_model(str(_written(NETS["gnn"], tmp_path / "m.npz")))
+    with pytest.raises(ValueError, match="gnn with the frame camera: this file knows mixed, world, vertex"):
+        gash_numpy.predict(model._replace(config={**model.config, "frame": "camera"}), *MESHES["odd"])
+
+
+def test_files_without_frame_and_residual_mean_the_first_reading(tmp_path: Path) -> None:
+    model, mesh = gash_numpy.load_model(str(_written(NETS["two-stage"], tmp_path / "m.npz"))), MESHES["odd"]
+    old = model._replace(config={k: v for k, v in model.config.items() if k not in ("frame", "residual")})
+    np.testing.assert_array_equal(gash_numpy.predict(old, *mesh), gash_numpy.predict(model, *mesh))
+    other = model._replace(config={**model.config, "frame": "vertex"})
+    assert np.abs(gash_numpy.predict(other, *mesh) - gash_numpy.predict(model, *mesh)).max() > 1e-2
 
 
 def _documented() -> dict[str, dict[str, str]]:

@@ -10,9 +10,10 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure import metrics
 from gash_jax.measure.reference import Reference, score
 from gash_jax.measure.timing import timed, timed_on_both_clocks
+from gash_jax.models.families import traced_visibility
 from gash_jax.models.model import Model
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.hemisphere import hemisphere_visibility
+from gash_jax.prt.hemisphere import above_horizon
 from gash_jax.prt.tracing import ProgressFn
 
 PLAIN_RAYS = (8, 16, 32, 64, 128, 256)
@@ -54,8 +55,9 @@ def evaluate_mesh(model: Model, mesh: Mesh, reference: Reference) -> dict[str, A
 
 
 def visibility_score(model: Model, mesh: Mesh) -> dict[str, float]:
-    """How a two-stage network's first net calls the visibility of a mesh; vertices without a normal do not count."""
-    truth = hemisphere_visibility(mesh, model.config.visibility_directions)
+    """How a two-stage network's first net calls the visibility of a mesh, of directions above the horizon alone."""
+    config = model.config
+    truth = traced_visibility(config, mesh)
     called = np.asarray(model.visibility_logits(model.graph(mesh))) > 0
-    usable = np.any(mesh.normals != 0, axis=1)
-    return metrics.visibility_scores(called[usable], truth[usable])
+    above = above_horizon(mesh.normals, config.visibility_directions, world=config.frame == "world")
+    return metrics.visibility_scores(called[above], truth[above])

@@ -64,7 +64,7 @@ def shadow_mse(estimate: np.ndarray, reference: np.ndarray) -> float:
     return mse(estimate[darkest], reference[darkest])
 
 
-def visibility_scores(called: Bool[np.ndarray, "v n"], truth: Bool[np.ndarray, "v n"]) -> dict[str, float]:
+def visibility_scores(called: Bool[np.ndarray, "*n"], truth: Bool[np.ndarray, "*n"]) -> dict[str, float]:
     """Accuracy, balanced accuracy and the majority's accuracy; a class that does not occur is left out of the mean."""
     hits = [float(np.mean(called[truth == c] == c)) for c in (True, False) if np.any(truth == c)]
     majority = max(float(np.mean(truth)), 1 - float(np.mean(truth)))

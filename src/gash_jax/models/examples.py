@@ -20,7 +20,7 @@ from gash_jax.graph.batching import batch_graphs, node_mask
 
 
 class Item(NamedTuple):
-    """One shape of the corpus with its labels."""
+    """One shape of the corpus with its labels; the directions of the visibility are in the vertices' frames."""
 
     kind: str
     mesh: Mesh

@@ -37,7 +37,7 @@ from gash_jax.nn.two_stage import (
 from gash_jax.prt.hemisphere import hemisphere_visibility
 
 Visibility = Float[np.ndarray, "v n"] | Bool[np.ndarray, "v n"]
-# (config, mesh, seed of random neighbours, traced visibility of the hemisphere's directions if known) -> what is read
+# (config, mesh, seed of random neighbours, traced visibility of the config's directions if known) -> what is read
 GraphFn = Callable[[Any, Mesh, int, Visibility | None], Any]
 # (module, params, graph) -> coefficients and, where the network says it, the RMS error to expect; both "v k"
 PredictFn = Callable[[nn.Module, Any, Any], tuple[Array, Array | None]]
@@ -76,8 +76,20 @@ def _told_visibility(config: TeacherConfig, mesh: Mesh, seed: int, visibility: V
     """The teacher (GNN paper, 4.1.1) reads nodes["visibility"]: one ray for each of its directions."""
     graph = _neighbours(config, mesh, seed, visibility)
     if visibility is None:
-        visibility = hemisphere_visibility(mesh, config.visibility_directions)
+        visibility = traced_visibility(config, mesh)
     return graph._replace(nodes={**dict(graph.nodes), "visibility": np.asarray(visibility, np.float32)})  # type: ignore[call-overload]
+
+
+def traced_visibility(config: TeacherConfig, mesh: Mesh) -> Bool[np.ndarray, "v n"]:
+    """What every vertex sees along the directions of a network that is told visibilities, or predicts them."""
+    return hemisphere_visibility(mesh, config.visibility_directions, world=config.frame == "world")
+
+
+def label_visibility(config: ModelConfig, item: Item) -> Float[np.ndarray, "v n"]:
+    """The visibility that a network learns from a shape: the shape's, or traced where the frame is the world's."""
+    if isinstance(config, TeacherConfig) and config.frame == "world":
+        return traced_visibility(config, item.mesh).astype(np.float32)
+    return item.visibility
 
 
 def _surfels(config: SurfelConfig, mesh: Mesh, seed: int, visibility: Visibility | None) -> SurfelGraph:
@@ -135,7 +147,9 @@ def model_graph(config: ModelConfig, mesh: Mesh, seed: int = 0, visibility: Visi
 
 def make_examples(items: Sequence[Item], config: ModelConfig, seed: int = 0) -> list[Example]:
     """Shapes with labels as a network reads them."""
-    return [
-        Example(model_graph(config, item.mesh, seed + i, item.visibility), item.coefficients, item.visibility)
-        for i, item in enumerate(items)
-    ]
+    examples = []
+    for i, item in enumerate(items):
+        visibility = label_visibility(config, item)
+        graph = model_graph(config, item.mesh, seed + i, visibility)
+        examples.append(Example(graph, item.coefficients, visibility))
+    return examples

@@ -88,7 +88,7 @@ class Model:
         return hasattr(self.module, "visibility_logits")
 
     def visibility_logits(self, graph: Any) -> jax.Array:
-        """What the first net of a two-stage network says of the hemisphere's directions, "v n".
+        """What the first net of a two-stage network says of its directions, "v n".
 
         Raises ValueError for a model without one.
         """

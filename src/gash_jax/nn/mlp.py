@@ -9,14 +9,13 @@ import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
-from gash_jax.algebra.closed_forms import zero_without_normal
 from gash_jax.files.settings import setting
-from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.inputs import VERTEX_ENCODINGS, node_arrays, vertex_inputs
+from gash_jax.nn.output import OutputConfig, world_coefficients
 
 
 @dataclass(frozen=True)
-class MLPConfig(ModelConfig):
+class MLPConfig(OutputConfig):
     """The MLP over single vertices."""
 
     channels: int = setting(128, "width of the hidden layers", least=1)
@@ -25,24 +24,28 @@ class MLPConfig(ModelConfig):
 
 
 class MLP(nn.Module):
-    """`layers` hidden layers of `channels`, ReLU; reads the vertex in its `encoding` and nodes["normal"]."""
+    """`layers` hidden layers of `channels`, ReLU; reads the vertex in its `encoding`.
+
+    `frame`, `residual`: how it ends, see `output`.
+    """
 
     channels: int = 128
     layers: int = 3
     bands: int = 3
     encoding: str = "motor"
+    frame: str = "mixed"
+    residual: bool = False
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
         """Coefficients of every node; nothing here is random, so `deterministic` changes nothing."""
-        nodes = node_arrays(graph)
         x = vertex_inputs(graph, self.encoding)
         for i in range(self.layers):
             x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
         x = nn.Dense(self.bands**2, name="head")(x)
-        return zero_without_normal(x, nodes["normal"])
+        return world_coefficients(x, node_arrays(graph), self.frame, self.residual)
 
 
 def build_mlp(config: MLPConfig) -> MLP:
     """The network of a config."""
-    return MLP(config.channels, config.layers, config.bands, config.encoding)
+    return MLP(config.channels, config.layers, config.bands, config.encoding, config.frame, config.residual)

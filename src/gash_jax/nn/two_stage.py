@@ -18,15 +18,15 @@ import jraph
 from flax import linen as nn
 from jaxtyping import Array, Float
 
-from gash_jax.algebra.closed_forms import zero_without_normal
 from gash_jax.files.settings import setting
 from gash_jax.nn.attention import GATv2Conv, TransformerConv
-from gash_jax.nn.config import ModelConfig, check_heads
+from gash_jax.nn.config import check_heads
 from gash_jax.nn.inputs import VERTEX_ENCODINGS, edge_arrays, edge_ends, node_arrays, vertex_inputs
+from gash_jax.nn.output import OutputConfig, world_coefficients
 
 
 @dataclass(frozen=True)
-class GNNConfig(ModelConfig):
+class GNNConfig(OutputConfig):
     """The single-stage network: stage 2 alone, from motors to coefficients."""
 
     channels: int = setting(96, "width of the coefficient net", least=1)
@@ -49,7 +49,7 @@ class GNNConfig(ModelConfig):
 class TeacherConfig(GNNConfig):
     """The teacher: stage 2 that is told traced visibilities."""
 
-    visibility_directions: int = setting(25, "directions of the hemisphere whose visibility is told", least=1)
+    visibility_directions: int = setting(25, "directions whose visibility is told", least=1)
     encoding: str = setting("motor", "what the network is told of a vertex", choices=VERTEX_ENCODINGS)
 
 
@@ -66,7 +66,7 @@ class TwoStageConfig(TeacherConfig):
 
 
 class VisibilityNet(nn.Module):
-    """Stage 1: logits of the visibility of `directions` directions of the hemisphere.
+    """Stage 1: logits of the visibility of `directions` directions.
 
     `neighbours`: the k of a graph with a fixed number of them, None for a ragged one. `block`: see `attention`.
     """
@@ -93,7 +93,7 @@ class VisibilityNet(nn.Module):
 class CoefficientNet(nn.Module):
     """Stage 2: coefficients from the motor and, with `sees_visibility`, nodes["visibility"] (v, n) in 0 .. 1.
 
-    With the encoding "relative-motor" it also reads edges["motor"].
+    With the encoding "relative-motor" it also reads edges["motor"]. `frame`, `residual`: how it ends, see `output`.
     """
 
     channels: int = 96
@@ -105,6 +105,8 @@ class CoefficientNet(nn.Module):
     block: int | None = None
     sees_visibility: bool = True
     encoding: str = "motor"
+    frame: str = "mixed"
+    residual: bool = False
 
     @nn.compact
     def __call__(self, graph: jraph.GraphsTuple, deterministic: bool = True) -> Float[Array, "v {self.bands**2}"]:
@@ -120,7 +122,7 @@ class CoefficientNet(nn.Module):
             y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends, edges=motors)
             x = x + nn.Dropout(self.dropout, name=f"dropout_{i}")(nn.relu(y), deterministic=deterministic)
         x = nn.Dense(self.bands**2, name="head")(x)
-        return zero_without_normal(x, nodes["normal"])
+        return world_coefficients(x, nodes, self.frame, self.residual)
 
 
 class TwoStage(nn.Module):
@@ -143,7 +145,8 @@ class TwoStage(nn.Module):
 def build_coefficient_net(config: GNNConfig) -> CoefficientNet:
     """Stage 2 of a config; only the single-stage network does without visibilities."""
     sizes = config.channels, config.layers, config.heads, config.bands, config.dropout, config.neighbours
-    return CoefficientNet(*sizes, config.block or None, isinstance(config, TeacherConfig), config.encoding)
+    end = config.encoding, config.frame, config.residual
+    return CoefficientNet(*sizes, config.block or None, isinstance(config, TeacherConfig), *end)
 
 
 def build_two_stage(config: TwoStageConfig) -> TwoStage:
