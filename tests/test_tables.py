@@ -17,7 +17,14 @@ def documents() -> dict[str, str]:
     return generated()
 
 
-GENERATED = ("README.md", "CONTRIBUTING.md", "docs/baking.md", "docs/hard_cases.md", "docs/model_cards.md")
+GENERATED = (
+    "README.md",
+    "CONTRIBUTING.md",
+    "docs/api.md",
+    "docs/baking.md",
+    "docs/hard_cases.md",
+    "docs/model_cards.md",
+)
 
 
 @pytest.mark.parametrize("document", [*GENERATED, "docs/results.md"])

@@ -9,38 +9,50 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gash_jax.algebra.cga import geometric_product
     from gash_jax.algebra.closed_forms import unshadowed_transfer
+    from gash_jax.algebra.motors import embed_point, motor, motor_to_rigid, rotor_from_normal, rotor_to_matrix
     from gash_jax.apps.pictures.render import render
     from gash_jax.apps.pictures.show import show
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
+    from gash_jax.formats.hdr import write_hdr
     from gash_jax.formats.meshes import load_mesh, read_mesh, save_mesh
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
+    from gash_jax.light.studio import studio_light
     from gash_jax.models.deforming import deforming_predictor
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
+    from gash_jax.shapes.procedural import make_shape
     from gash_jax.train.config import RunConfig, load_config
+    from gash_jax.train.run import run_config
 
 __version__ = version("gash-jax")
 
 _HOMES = {
+    "algebra.cga": ("geometric_product",),
+    "algebra.motors": ("embed_point", "motor", "motor_to_rigid", "rotor_from_normal", "rotor_to_matrix"),
     "algebra.closed_forms": ("unshadowed_transfer",),
     "apps.pictures.render": ("render",),
     "apps.pictures.show": ("show",),
     "geometry.health": ("HealthReport",),
     "geometry.mesh": ("Mesh", "MeshError"),
+    "formats.hdr": ("write_hdr",),
     "formats.meshes": ("load_mesh", "read_mesh", "save_mesh"),
     "files.atomic": ("FileError",),
     "files.caches": ("keep_compiled_programs",),
     "files.settings": ("ConfigError",),
     "train.config": ("RunConfig", "load_config"),
+    "train.run": ("run_config",),
+    "shapes.procedural": ("make_shape",),
+    "light.studio": ("studio_light",),
     "models.deforming": ("deforming_predictor",),
     "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
@@ -65,23 +77,33 @@ __all__ = [
     "bake_to_error",
     "bake_transfer",
     "deforming_predictor",
+    "embed_point",
+    "geometric_product",
     "keep_compiled_programs",
     "load_config",
     "load_light",
     "load_mesh",
     "load_model",
     "load_transfer",
+    "make_shape",
+    "motor",
+    "motor_to_rigid",
     "plan_bake",
     "project_light",
     "read_mesh",
     "render",
     "rotate_light",
+    "rotor_from_normal",
+    "rotor_to_matrix",
+    "run_config",
     "save_light",
     "save_mesh",
     "save_transfer",
     "shade",
     "show",
+    "studio_light",
     "unshadowed_transfer",
+    "write_hdr",
 ]
 
 

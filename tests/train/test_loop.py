@@ -18,6 +18,7 @@ from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import loop as train
 from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig
 from gash_jax.train.corpus import build_corpus
+from gash_jax.train.logs import read_lines
 
 DATA = DataConfig(shapes=3, validation_shapes=1, rays=32, min_vertices=150, max_vertices=300)
 GNN: dict[str, Any] = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
@@ -103,6 +104,12 @@ def test_an_interrupted_run_ends_as_the_whole_one_bit_for_bit(
     resumed = load_model(train.train_model(config, training, validation, tmp_path / "cut"))
     for one, two in zip(jax.tree.leaves(whole.params), jax.tree.leaves(resumed.params), strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_a_phase_of_less_than_a_step_takes_one_step(items, tmp_path: Path) -> None:
+    """And does not go on for as many seconds as would stand in place of steps."""
+    train.train_model(_config("two-stage", 1), *_examples(items, "two-stage"), tmp_path)
+    assert {(line["phase"], line["step"]) for line in read_lines(tmp_path)} == {("visibility", 1), ("coefficients", 1)}
 
 
 def test_a_folder_of_another_config_is_refused(items, tmp_path: Path) -> None:

@@ -226,7 +226,7 @@ def motor_to_rigid(m: Multivector) -> tuple[Float[Array, "... 3 3"], Float[Array
 
     >>> m = gash_jax.motor(np.array([[1.0, 2.0, 3.0]]), np.array([[1.0, 0.0, 0.0]]))
     >>> rotation, translation = gash_jax.motor_to_rigid(m)
-    >>> translation.tolist(), (rotation[0] @ np.array([0.0, 1.0, 0.0])).round(6).tolist()
+    >>> translation.round(6).tolist(), (rotation[0] @ np.array([0.0, 1.0, 0.0])).round(6).tolist()
     ([[1.0, 2.0, 3.0]], [1.0, 0.0, 0.0])
     """
     real, dual = _dual_quaternion(m)

@@ -60,8 +60,8 @@ def write_hdr(path: str | Path, image: Shaped[np.ndarray, "..."]) -> None:
     """Write linear radiance (h, w, 3), finite and not negative, as a run-length coded picture; whole or not at all.
 
     >>> gash_jax.write_hdr("grey.hdr", np.full((16, 32, 3), 0.5))
-    >>> gash_jax.load_light("grey.hdr").coefficients[0].round(3).tolist()
-    [1.772, 1.772, 1.772]
+    >>> round(float(gash_jax.load_light("grey.hdr").coefficients[0, 0]), 3)
+    1.772
     """
     if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape or image.dtype.kind not in "fiu":
         raise LightError(f"an environment map has shape (height, width, 3), this image {image.shape} {image.dtype}")

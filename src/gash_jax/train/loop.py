@@ -219,7 +219,7 @@ class _PhaseRun(NamedTuple):
         devices, key = jax.devices(), jax.random.key(train.seed)
         place = _placement(devices)
         share = self.objective.phase.share
-        budget_steps = round(train.steps * share)
+        budget_steps = max(1, round(train.steps * share)) if train.steps else 0
         started, first = clock() - state.elapsed, True
 
         def used(step: int) -> float:

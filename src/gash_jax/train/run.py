@@ -23,7 +23,7 @@ Progress = Callable[[int, int], None]
 
 def run_config(
     config: RunConfig,
-    folder: Path,
+    folder: str | Path,
     progress: Progress | None = None,
     report: ReportFn | None = None,
     notify: Callable[[str], None] = lambda text: None,
