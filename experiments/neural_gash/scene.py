@@ -17,7 +17,7 @@ from experiments.neural_gash.evaluate import load_models
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.apps.pictures.views import cast_view, shade_view
 from gash_jax.geometry.health import prepare_mesh
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh import Mesh, RawMesh
 from gash_jax.light.environment import load_light, project_map
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
@@ -25,20 +25,20 @@ from gash_jax.measure import metrics
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.procedural import make_shape
-from gash_jax.shapes.triangles import Triangles, join, moved
+from gash_jax.shapes.triangles import join, moved
 
 MAPS = {"dark": "grace_256.hdr", "normal": "uffizi_256.hdr", "bright": "venice_sunset_1k.hdr"}
 BODIES = ((12, 2), (12, 6), (12, 3))
 FRAMES = 12
 
 
-def _surface(seed: int, index: int, size: int) -> Triangles:
+def _surface(seed: int, index: int, size: int) -> RawMesh:
     mesh = make_shape(seed, index, (size, size + 1))[1]
     extent = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
     low = mesh.vertices.min(axis=0).astype(np.float64)
     middle = low + np.ptp(mesh.vertices, axis=0) / 2
     lifted = mesh.vertices - [middle[0], low[1], middle[2]]
-    return Triangles(lifted / extent, mesh.faces.astype(np.int64))
+    return RawMesh(lifted / extent, mesh.faces.astype(np.int64))
 
 
 def frames(count: int, size: int) -> list[Mesh]:
@@ -48,7 +48,7 @@ def frames(count: int, size: int) -> list[Mesh]:
     x, z = np.meshgrid(grid, grid, indexing="ij")
     flat = np.stack([x.ravel(), np.zeros(n * n), z.ravel()], -1)
     a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    plate = Triangles(flat, np.concatenate([np.stack([a, a + 1, a + n], -1), np.stack([a + 1, a + n + 1, a + n], -1)]))
+    plate = RawMesh(flat, np.concatenate([np.stack([a, a + 1, a + n], -1), np.stack([a + 1, a + n + 1, a + n], -1)]))
     bodies = [_surface(*body, size) for body in BODIES]
     found = []
     for t in np.linspace(-0.9, 0.9, count):

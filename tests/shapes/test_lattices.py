@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
-from gash_jax.shapes.triangles import Triangles, signed_volume
+from gash_jax.shapes.triangles import signed_volume
 
 
-def assert_closed(surface: Triangles) -> None:
+def assert_closed(surface: RawMesh) -> None:
     edges = np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]])
     np.testing.assert_array_equal(np.sort(edges @ [10**6, 1]), np.sort(edges @ [1, 10**6]))
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.parametric import flat_domain, grid_shape, revolved, spacing, sphere_points, swept, tube
-from gash_jax.shapes.triangles import Triangles, face_normals, signed_volume
+from gash_jax.shapes.triangles import face_normals, signed_volume
 
 
-def is_closed(surface: Triangles) -> bool:
+def is_closed(surface: RawMesh) -> bool:
     edges = np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]])
     return bool(np.array_equal(np.sort(edges @ [10**6, 1]), np.sort(edges @ [1, 10**6])))
 

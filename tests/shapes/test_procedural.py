@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh import Mesh, RawMesh
 from gash_jax.shapes.procedural import SHAPE_KINDS, make_shape, shape_kind
-from gash_jax.shapes.triangles import Triangles, signed_volume
+from gash_jax.shapes.triangles import signed_volume
 
 RANGE = (600, 1500)
 ROUND = len(SHAPE_KINDS)
@@ -54,7 +54,7 @@ def test_closed_kinds_are_closed_with_the_inside_inside(corpus: list[tuple[str, 
     for kind, mesh in corpus:
         if kind not in OPEN_KINDS:
             assert directed_edges_cancel(mesh.faces), kind
-            assert signed_volume(Triangles(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64))) > 0, kind
+            assert signed_volume(RawMesh(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64))) > 0, kind
 
 
 def test_sheets_are_open(corpus: list[tuple[str, Mesh]]) -> None:
@@ -96,7 +96,7 @@ def test_the_corpus_has_shadows_and_open_faces(corpus: list[tuple[str, Mesh]]) -
 
     closed = [mesh for kind, mesh in corpus if kind not in OPEN_KINDS]
     share = [
-        signed_volume(Triangles(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)))
+        signed_volume(RawMesh(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64)))
         / ConvexHull(mesh.vertices).volume
         for mesh in closed
     ]

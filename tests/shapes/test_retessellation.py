@@ -4,32 +4,33 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.lattices import lattice_surface
 from gash_jax.shapes.parametric import flat_domain, revolved
 from gash_jax.shapes.retessellation import collapse, jitter, refine, refine_regions, refine_to, relax
-from gash_jax.shapes.triangles import Triangles, face_normals, outward, signed_volume, unique_edges
+from gash_jax.shapes.triangles import face_normals, outward, signed_volume, unique_edges
 
 
-def cube(cuts: int) -> Triangles:
+def cube(cuts: int) -> RawMesh:
     spans = [np.linspace(-0.5, 0.5, cuts + 1)] * 3
     return lattice_surface(np.ones((cuts, cuts, cuts), bool), spans, np.random.default_rng(0))
 
 
-def ball(count: int = 800) -> Triangles:
+def ball(count: int = 800) -> RawMesh:
     points = np.random.default_rng(1).normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     hull = ConvexHull(points)
     a, b, c = points[hull.simplices].transpose(1, 0, 2)
     turned = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) < 0
-    return Triangles(points, np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int64))
+    return RawMesh(points, np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int64))
 
 
-def area(surface: Triangles) -> float:
+def area(surface: RawMesh) -> float:
     a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def assert_closed_manifold(surface: Triangles) -> None:
+def assert_closed_manifold(surface: RawMesh) -> None:
     edges = np.concatenate([surface.faces[:, [0, 1]], surface.faces[:, [1, 2]], surface.faces[:, [2, 0]]])
     keys, back = edges @ [10**6, 1], edges @ [1, 10**6]
     assert len(np.unique(keys)) == len(keys)
@@ -37,7 +38,7 @@ def assert_closed_manifold(surface: Triangles) -> None:
 
 
 def test_refine_by_hand() -> None:
-    triangle = Triangles(np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))
+    triangle = RawMesh(np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]]))
     edges, _ = unique_edges(triangle.faces)
     np.testing.assert_array_equal(edges, [[0, 1], [0, 2], [1, 2]])
     split = refine(triangle, np.array([False, True, False]))
@@ -58,7 +59,7 @@ def test_refine_keeps_area_volume_winding_and_closedness(share: float) -> None:
 
 
 def test_refine_to_meets_the_count_and_evens_out_edges() -> None:
-    slab = Triangles(cube(1).vertices * [8.0, 1, 1], cube(1).faces)
+    slab = RawMesh(cube(1).vertices * [8.0, 1, 1], cube(1).faces)
     fine = refine_to(slab, 500)
     assert len(fine.vertices) == 500 and refine_to(fine, 100) is fine
     spread = np.linalg.norm(np.diff(fine.vertices[unique_edges(fine.faces)[0]], axis=1)[:, 0], axis=1)
@@ -135,6 +136,6 @@ def test_jitter_moves_vertices_along_the_surface_without_folding_it(seed: int) -
 
 
 def test_outward_turns_an_inverted_body() -> None:
-    inverted = Triangles(cube(2).vertices, cube(2).faces[:, ::-1])
+    inverted = RawMesh(cube(2).vertices, cube(2).faces[:, ::-1])
     assert signed_volume(inverted) == pytest.approx(-1.0)
     assert signed_volume(outward(inverted)) == pytest.approx(1.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.triangles import (
-    Triangles,
     join,
     largest_parts,
     mean_normals,
@@ -17,7 +17,7 @@ from gash_jax.shapes.triangles import (
 )
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-TETRAHEDRON = Triangles(CORNERS, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
+TETRAHEDRON = RawMesh(CORNERS, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
 
 
 def test_signed_volume_of_the_corner_tetrahedron() -> None:
@@ -28,14 +28,14 @@ def test_signed_volume_of_the_corner_tetrahedron() -> None:
 def test_join_and_largest_parts() -> None:
     both = join([TETRAHEDRON, moved(TETRAHEDRON, offset=10.0)])
     assert both.vertices.shape == (8, 3) and both.faces.max() == 7
-    many = join([both, Triangles(CORNERS[:3], np.array([[0, 1, 2]]))])
+    many = join([both, RawMesh(CORNERS[:3], np.array([[0, 1, 2]]))])
     kept = largest_parts(many, 0.2)
     np.testing.assert_array_equal(kept.vertices, both.vertices)
     np.testing.assert_array_equal(kept.faces, both.faces)
 
 
 def test_without_unused_keeps_the_order() -> None:
-    surface = without_unused(Triangles(np.arange(15.0).reshape(5, 3), np.array([[4, 1, 3]])))
+    surface = without_unused(RawMesh(np.arange(15.0).reshape(5, 3), np.array([[4, 1, 3]])))
     np.testing.assert_array_equal(surface.vertices[:, 0], [3, 9, 12])
     np.testing.assert_array_equal(surface.faces, [[2, 0, 1]])
 
@@ -58,6 +58,6 @@ def test_random_rotations_are_proper_and_cover_the_sphere() -> None:
 
 
 def test_tangential_removes_the_normal_part() -> None:
-    flat = Triangles(CORNERS[:3], np.array([[0, 1, 2]]))
+    flat = RawMesh(CORNERS[:3], np.array([[0, 1, 2]]))
     np.testing.assert_array_equal(mean_normals(flat), [[0, 0, 1]] * 3)
     np.testing.assert_array_equal(tangential(flat, np.full((3, 3), 2.0)), [[2, 2, 0]] * 3)

@@ -1,12 +1,15 @@
 """Options that several commands share, and the command class that ends its help with an example."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
 from gash_jax.light.layouts import LAYOUTS
 
 PATH = click.Path(path_type=Path)
+CommandFunction = TypeVar("CommandFunction", bound=Callable[..., Any])
 
 
 class Command(click.Command):
@@ -58,12 +61,18 @@ def check_layout(layout: str | None, light_path: Path | None) -> None:
         raise click.UsageError("--layout says how the map of --light is laid out: give one, or leave it out")
 
 
-reference_option = click.option(
-    "--rays",
-    type=click.IntRange(64, 1 << 20),
-    default=4096,
-    show_default=True,
-    help="Rays per vertex of the reference.",
-)
-result_option = click.option("-o", "--output", type=PATH, help="Results to write (.json).")
-output_option = click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write.")
+overrides_argument = click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+output_option = click.option("-o", "--output", required=True, type=PATH, help="File to write.")
+
+
+def measuring_options(command: CommandFunction) -> CommandFunction:
+    """--rays of the reference, --up, -o, --json, --quiet: of a command that measures methods on meshes."""
+    reference = click.option(
+        "--rays",
+        type=click.IntRange(64, 1 << 20),
+        default=4096,
+        show_default=True,
+        help="Rays per vertex of the reference.",
+    )
+    results = click.option("-o", "--output", type=PATH, help="Results to write (.json).")
+    return reference(up_option(results(json_option(quiet_option(command)))))

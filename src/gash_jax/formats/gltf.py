@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from gash_jax.formats.gltf_document import INSTANCING, Document, open_document, refuse_compressed
-from gash_jax.formats.raw_mesh import RawMesh
-from gash_jax.geometry.mesh import MeshError, normalized
+from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
 
 MOST_VERTICES = 1 << 26
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6

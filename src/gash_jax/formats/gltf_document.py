@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from gash_jax.formats.raw_mesh import refuse_wide_text
+from gash_jax.formats.number_text import refuse_wide_text
 from gash_jax.geometry.mesh import MeshError
 
 INSTANCING = "EXT_mesh_gpu_instancing"

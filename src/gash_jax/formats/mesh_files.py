@@ -15,9 +15,8 @@ from gash_jax.formats.obj import read_obj
 from gash_jax.formats.off import read_off
 from gash_jax.formats.others import OTHERS, read_other
 from gash_jax.formats.ply import read_ply
-from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.formats.stl import read_stl
-from gash_jax.geometry.mesh import MeshError
+from gash_jax.geometry.mesh import MeshError, RawMesh
 
 READERS: dict[str, Callable[[bytes, Path], RawMesh]] = {
     ".ply": lambda data, folder: read_ply(data),

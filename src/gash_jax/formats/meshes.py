@@ -18,10 +18,9 @@ from gash_jax.formats.gltf_document import named_files
 from gash_jax.formats.mesh_files import READERS, read_mesh_file
 from gash_jax.formats.others import from_trimesh, is_trimesh
 from gash_jax.formats.ply import write_ply
-from gash_jax.formats.raw_mesh import RawMesh
 from gash_jax.geometry.checks import checked_mesh
 from gash_jax.geometry.health import HealthReport, prepare_mesh
-from gash_jax.geometry.mesh import Mesh, MeshError, transform
+from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh, transform
 
 if TYPE_CHECKING:
     import trimesh
@@ -125,7 +124,7 @@ def _raw(source: MeshLike) -> RawMesh:
             f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them"
         )
     normals = None if len(source) == 2 else _array(source[2], "normals")
-    return RawMesh(_array(source[0], "vertices"), _array(source[1], "faces"), normals, ())
+    return RawMesh(_array(source[0], "vertices"), _array(source[1], "faces"), normals)
 
 
 def _array(values: object, name: str) -> np.ndarray:

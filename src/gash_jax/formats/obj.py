@@ -10,9 +10,9 @@ import re
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.formats.polygons import triangulate
-from gash_jax.formats.raw_mesh import RawMesh, leading_columns, parse_rows, plain_text, whole_numbers
-from gash_jax.geometry.mesh import MeshError, normalized
+from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
 from gash_jax.geometry.topology import weld
 
 _NAMES = rb"mtllib|usemtl|maplib|usemap|shadow_obj|trace_obj|call|csh|o|g"

@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 
+from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.formats.polygons import triangulate
-from gash_jax.formats.raw_mesh import RawMesh, leading_columns, parse_rows, plain_text, whole_numbers
-from gash_jax.geometry.mesh import MeshError
+from gash_jax.geometry.mesh import MeshError, RawMesh
 
 
 def read_off(data: bytes) -> RawMesh:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.formats.raw_mesh import RawMesh
-from gash_jax.geometry.mesh import MeshError
+from gash_jax.geometry.mesh import MeshError, RawMesh
 
 # suffix and the package that trimesh needs for it
 OTHERS = {
@@ -55,7 +54,7 @@ def from_trimesh(source: Any) -> RawMesh:
     import trimesh  # imported already: a value of its own was given
 
     if isinstance(source, trimesh.Trimesh):
-        return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source), ())
+        return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source))
     placed = [
         (source.geometry[name], np.asarray(place)) for place, name in map(source.graph.get, source.graph.nodes_geometry)
     ]
@@ -69,7 +68,7 @@ def from_trimesh(source: Any) -> RawMesh:
         normals.append(np.zeros((0, 3)) if own is None else own @ np.linalg.pinv(linear))
         count += len(mesh.vertices)
     known = len(np.concatenate(normals)) == count
-    return RawMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if known else None, ())
+    return RawMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if known else None)
 
 
 def _own_normals(mesh: Any) -> Float[np.ndarray, "v 3"] | None:

@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Int
 
 from gash_jax.files.atomic import whole_file
+from gash_jax.formats.number_text import parse_rows, plain_text, refuse_wide_text, whole_numbers
 from gash_jax.formats.polygons import triangulate
-from gash_jax.formats.raw_mesh import RawMesh, parse_rows, plain_text, refuse_wide_text, whole_numbers
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh
 
 _TYPES = {
     **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2"},

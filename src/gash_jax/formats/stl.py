@@ -8,8 +8,8 @@ import re
 
 import numpy as np
 
-from gash_jax.formats.raw_mesh import RawMesh, leading_columns, parse_rows, plain_text
-from gash_jax.geometry.mesh import MeshError
+from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text
+from gash_jax.geometry.mesh import MeshError, RawMesh
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -49,6 +49,18 @@ class Mesh(NamedTuple):
         import trimesh  # slow to import, and a bake does without
 
         return trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
+
+
+class RawMesh(NamedTuple):
+    """A triangle surface that nobody has checked yet, as a file, a caller or a generator gave it.
+
+    `geometry.health.prepare_mesh` makes a `Mesh` of its arrays.
+    """
+
+    vertices: Num[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    normals: Num[np.ndarray, "v 3"] | None = None  # not finite or 0 where a vertex has none
+    notes: tuple[str, ...] = ()  # what reading had to decide
 
 
 def referenced(mesh: Mesh) -> Bool[np.ndarray, "v"]:

@@ -7,10 +7,11 @@ flat faces need few, and the caller refines where it wants more.
 import numpy as np
 from jaxtyping import Bool, Float
 
-from gash_jax.shapes.triangles import Triangles, join, moved, random_rotation, without_unused
+from gash_jax.geometry.mesh import RawMesh
+from gash_jax.shapes.triangles import join, moved, random_rotation, without_unused
 
 
-def lattice(rng: np.random.Generator, target: int) -> Triangles:
+def lattice(rng: np.random.Generator, target: int) -> RawMesh:
     """Right-angled solids of one piece: combs, stairs, frames, channels, chairs, mazes."""
     style = int(rng.integers(5))
     if style == 0:  # fins on a base
@@ -69,7 +70,7 @@ def _without_loose(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z
 
 def lattice_surface(
     filled: Bool[np.ndarray, "x y z"], spans: list[Float[np.ndarray, "_"]], rng: np.random.Generator
-) -> Triangles:
+) -> RawMesh:
     """Faces between filled and empty cells, welded at the lattice points, centred on the origin."""
     occupied = np.pad(filled, 1)
     shape = np.array(filled.shape) + 1
@@ -93,10 +94,10 @@ def lattice_surface(
     )
     middles = [span - 0.5 * (span[0] + span[-1]) for span in spans]
     points = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, 3)
-    return without_unused(Triangles(points, faces))
+    return without_unused(RawMesh(points, faces))
 
 
-def boxes(rng: np.random.Generator, target: int) -> Triangles:
+def boxes(rng: np.random.Generator, target: int) -> RawMesh:
     """Stacks, heaps and rows of boxes with small gaps or overlaps between them."""
     style, count = int(rng.integers(3)), int(rng.integers(3, 25))
     parts = []

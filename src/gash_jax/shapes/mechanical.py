@@ -9,13 +9,14 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import Delaunay
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.organic import random_solid
 from gash_jax.shapes.parametric import facing_up, swept
 from gash_jax.shapes.sdf import Field, box, capsule, cylinder, placed, shell, subtract, surface_of, union
-from gash_jax.shapes.triangles import Triangles, join, moved, outward
+from gash_jax.shapes.triangles import join, moved, outward
 
 
-def gear(rng: np.random.Generator, target: int) -> Triangles:
+def gear(rng: np.random.Generator, target: int) -> RawMesh:
     """Toothed, scalloped or polygonal rings with a bore and a hub, from a few closed outlines."""
     per_tooth = int(rng.integers(4, 9))
     teeth = int(rng.integers(5, max(6, min(33, target // (8 * per_tooth)))))  # at most eight outlines
@@ -55,7 +56,7 @@ def _subdivided(rows: Float[np.ndarray, "r c"], pieces: int) -> Float[np.ndarray
     return (rows[:, None] * (1 - share) + following[:, None] * share).reshape(-1, rows.shape[1])
 
 
-def plate(rng: np.random.Generator, target: int) -> Triangles:
+def plate(rng: np.random.Generator, target: int) -> RawMesh:
     """A convex plate drilled with round and polygonal holes, some stacked on a second plate with posts between."""
     layers = int(rng.integers(1, 4))
     gap, height = rng.uniform(0.15, 0.6), rng.uniform(0.03, 0.25)
@@ -65,7 +66,7 @@ def plate(rng: np.random.Generator, target: int) -> Triangles:
     return join(parts)
 
 
-def _drilled(rng: np.random.Generator, target: int, height: float) -> Triangles:
+def _drilled(rng: np.random.Generator, target: int, height: float) -> RawMesh:
     """Extrusion of a convex outline with holes that keep clear of each other and of the rim.
 
     Hole corners lie on a circle with nothing inside, and the outline is its own hull, so every edge of the drawing
@@ -97,7 +98,7 @@ def _inside_convex(outline: Float[np.ndarray, "n 2"], point: Float[np.ndarray, "
     return float(np.sum((point - outline) * normal, axis=1).min())
 
 
-def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> Triangles:
+def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> RawMesh:
     """Prism over a rim (counter-clockwise) with holes (clockwise), see `_drilled`."""
     points = np.concatenate(loops)
     owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
@@ -116,10 +117,10 @@ def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> Triangles
     bottom, top = np.pad(points, ((0, 0), (0, 1))), np.pad(points, ((0, 0), (0, 1)), constant_values=height)
     bottom[:, 2] = 0.0
     top[:, :2] = points
-    return Triangles(np.concatenate([bottom, top]), np.concatenate([caps[:, ::-1], caps + count, *walls]))
+    return RawMesh(np.concatenate([bottom, top]), np.concatenate([caps[:, ::-1], caps + count, *walls]))
 
 
-def bracket(rng: np.random.Generator, target: int) -> Triangles:
+def bracket(rng: np.random.Generator, target: int) -> RawMesh:
     """Plates, bosses and ribs joined sharply or with fillets, then drilled, slotted and cut."""
     solids: list[Field] = [box([rng.uniform(0.6, 1.0), rng.uniform(0.1, 0.25), rng.uniform(0.4, 0.9)], 0.02)]
     for _ in range(int(rng.integers(1, 5))):

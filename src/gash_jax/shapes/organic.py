@@ -7,6 +7,7 @@ vertices. Solids are signed distances (`sdf`); displaced bodies move the vertice
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.parametric import sphere_points
 from gash_jax.shapes.sdf import (
     Field,
@@ -26,7 +27,7 @@ from gash_jax.shapes.sdf import (
     wave_noise,
     winding_folds,
 )
-from gash_jax.shapes.triangles import Triangles, largest_parts, random_rotation
+from gash_jax.shapes.triangles import largest_parts, random_rotation
 
 
 def random_solid(rng: np.random.Generator, size: float) -> Field:
@@ -43,7 +44,7 @@ def random_solid(rng: np.random.Generator, size: float) -> Field:
     return placed(solid, random_rotation(rng))
 
 
-def blob(rng: np.random.Generator, target: int) -> Triangles:
+def blob(rng: np.random.Generator, target: int) -> RawMesh:
     """Smooth unions of 2 to 9 primitives, some with pieces bitten out."""
     parts = []
     for _ in range(int(rng.integers(2, 10))):
@@ -59,7 +60,7 @@ def blob(rng: np.random.Generator, target: int) -> Triangles:
     return surface_of(solid, rng, target, 1.6)
 
 
-def folded(rng: np.random.Generator, target: int) -> Triangles:
+def folded(rng: np.random.Generator, target: int) -> RawMesh:
     """One or two lobes with winding furrows along the zero set of a noise, as on brains, wood and stone."""
     spread = rng.uniform(0.0, 0.42) if rng.random() < 0.35 else 0.0
     radii = np.array([[0.75, 0.85, 1.0]]) * rng.uniform(0.85, 1.15, size=(2, 3))
@@ -86,13 +87,13 @@ def folded(rng: np.random.Generator, target: int) -> Triangles:
     return largest_parts(surface_of(solid, rng, target, 1.7), 0.2)
 
 
-def displaced(rng: np.random.Generator, target: int) -> Triangles:
+def displaced(rng: np.random.Generator, target: int) -> RawMesh:
     """A triangulated ellipsoid displaced along the radius by octaves of noise or by furrows.
 
     The slope is bounded by limiting the amplitude of high frequencies; the surface stays star-shaped, hence
     free of self-intersections.
     """
-    directions, faces = sphere_points(rng, target)
+    directions, faces = sphere_points(rng, target)[:2]
     style, amplitude, frequency = rng.integers(4), rng.uniform(0.15, 0.6), rng.uniform(0.8, 2.4)
     if style == 0:
         height = value_noise(rng, frequency, octaves=int(rng.integers(1, 5)), gain=rng.uniform(0.3, 0.6))(directions)
@@ -104,10 +105,10 @@ def displaced(rng: np.random.Generator, target: int) -> Triangles:
         ridges = np.abs(value_noise(rng, frequency, octaves=3)(directions))
         height = rng.choice([-1.6, 1.6]) * ridges ** rng.uniform(0.5, 1.5)
     radius = np.exp(amplitude * height)
-    return Triangles(directions * radius[:, None] * rng.uniform(0.45, 1.0, size=3), faces)
+    return RawMesh(directions * radius[:, None] * rng.uniform(0.45, 1.0, size=3), faces)
 
 
-def limbs(rng: np.random.Generator, target: int) -> Triangles:
+def limbs(rng: np.random.Generator, target: int) -> RawMesh:
     """Blended capsule skeletons: four-legged and standing figures, hands, branching growths."""
     grow = (_animal, _figure, _hand, _branches)[int(rng.choice(4, p=[0.35, 0.25, 0.15, 0.25]))]
     bones = grow(rng)
@@ -212,7 +213,7 @@ def _branches(rng: np.random.Generator) -> list[Bone]:
     return bones
 
 
-def cavity(rng: np.random.Generator, target: int) -> Triangles:
+def cavity(rng: np.random.Generator, target: int) -> RawMesh:
     """Hollow shells with openings, some with a body inside: skulls, vessels, caves, helmets."""
     body = (sphere((0, 0, 0), 1.0), box(rng.uniform(0.6, 1.0, size=3), 0.2), cylinder(0.9, rng.uniform(0.5, 1.0)))
     outer = body[int(rng.integers(3))]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull, Delaunay
 
-from gash_jax.shapes.triangles import Triangles
+from gash_jax.geometry.mesh import RawMesh
 
 
 def swept(
@@ -18,7 +18,7 @@ def swept(
     wrap_rows: bool = False,
     wrap_columns: bool = True,
     poles: tuple[Float[np.ndarray, "3"] | None, Float[np.ndarray, "3"] | None] = (None, None),
-) -> Triangles:
+) -> RawMesh:
     """Triangulate a grid; diagonals all one way, alternating or at random."""
     rows, columns = grid.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -42,7 +42,7 @@ def swept(
         vertices.append(np.asarray(pole)[None])
         ends = (row[1:], row[:-1]) if back else (row[:-1], row[1:])
         faces.append(np.stack([tip, *ends], -1))
-    return Triangles(np.concatenate(vertices).astype(np.float64), np.concatenate(faces).astype(np.int64))
+    return RawMesh(np.concatenate(vertices).astype(np.float64), np.concatenate(faces).astype(np.int64))
 
 
 def spacing(rng: np.random.Generator, count: int, closed: bool = False) -> Float[np.ndarray, "n"]:
@@ -58,7 +58,7 @@ def grid_shape(target: int, aspect: float) -> tuple[int, int]:
     return max(4, round(target / columns)), columns
 
 
-def sphere_points(rng: np.random.Generator, target: int) -> Triangles:
+def sphere_points(rng: np.random.Generator, target: int) -> RawMesh:
     """Triangulated unit sphere: Fibonacci, jittered, clustered, random or a latitude grid; convex, outward."""
     style = rng.integers(5)
     if style == 0:
@@ -81,7 +81,7 @@ def sphere_points(rng: np.random.Generator, target: int) -> Triangles:
     a, b, c = points[hull.simplices].transpose(1, 0, 2)
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a + b + c) < 0
     faces = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
-    return Triangles(points, faces.astype(np.int64))
+    return RawMesh(points, faces.astype(np.int64))
 
 
 def tube(
@@ -90,7 +90,7 @@ def tube(
     reference: Float[np.ndarray, "r 3"],
     rng: np.random.Generator,
     closed: bool,
-) -> Triangles:
+) -> RawMesh:
     """Surface around a curve; `radius` per row and column, `reference` vectors fix the zero angle.
 
     The reference is orthogonalised against the tangent, so it must never be parallel to it. Open tubes end in
@@ -116,7 +116,7 @@ def revolved(
     ripple: Float[np.ndarray, "#r c"] | float = 1.0,
     closed_rows: bool = False,
     poles: tuple[bool, bool] = (False, False),
-) -> Triangles:
+) -> RawMesh:
     """Surface of revolution about y of a profile of (radius, height); `ripple` scales the radius."""
     angle = 2 * np.pi * np.arange(columns) / columns
     radius = profile[:, :1] * ripple
@@ -125,7 +125,7 @@ def revolved(
     return swept(np.stack(points, -1), rng, wrap_rows=closed_rows, poles=(tips[0], tips[1]))
 
 
-def flat_domain(rng: np.random.Generator, target: int, aspect: float = 1.0) -> Triangles:
+def flat_domain(rng: np.random.Generator, target: int, aspect: float = 1.0) -> RawMesh:
     """Triangulated rectangle of the plane z = 0 facing +z: a grid or Delaunay triangles of scattered points."""
     rows, columns = grid_shape(target, aspect)
     u, v = np.meshgrid(spacing(rng, rows), spacing(rng, columns), indexing="ij")
@@ -136,7 +136,7 @@ def flat_domain(rng: np.random.Generator, target: int, aspect: float = 1.0) -> T
     u = u + inner * rng.uniform(-0.5, 0.5, u.shape) * spread / rows
     v = v + inner * rng.uniform(-0.5, 0.5, v.shape) * spread / columns
     points = np.clip(np.stack([v.ravel(), u.ravel()], -1), 0.0, 1.0)
-    return Triangles(np.pad(points, ((0, 0), (0, 1))), facing_up(points, Delaunay(points).simplices))
+    return RawMesh(np.pad(points, ((0, 0), (0, 1))), facing_up(points, Delaunay(points).simplices))
 
 
 def facing_up(points: Float[np.ndarray, "v 2"], faces: np.ndarray) -> np.ndarray:

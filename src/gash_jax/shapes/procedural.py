@@ -12,18 +12,18 @@ import numpy as np
 from jaxtyping import Float
 
 from gash_jax.geometry.health import prepare_mesh
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh import Mesh, RawMesh
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
 from gash_jax.shapes.mechanical import bracket, gear, plate
 from gash_jax.shapes.organic import blob, cavity, displaced, folded, limbs
 from gash_jax.shapes.retessellation import collapse, jitter, refine_regions, refine_to, relax
-from gash_jax.shapes.triangles import Triangles, join, moved, random_rotation
+from gash_jax.shapes.triangles import join, moved, random_rotation
 from gash_jax.shapes.turned import grooved, knot, needle, sheet, superquadric, vessel
 
-Recipe = Callable[[np.random.Generator, int], Triangles]
+Recipe = Callable[[np.random.Generator, int], RawMesh]
 
 
-def posed(rng: np.random.Generator, target: int) -> Triangles:
+def posed(rng: np.random.Generator, target: int) -> RawMesh:
     """A body of another kind, tapered, twisted and bent."""
     recipe = (limbs, lattice, grooved, bracket, blob, gear, superquadric, cavity)[int(rng.integers(8))]
     surface = refine_to(recipe(rng, target), target)
@@ -33,7 +33,7 @@ def posed(rng: np.random.Generator, target: int) -> Triangles:
     height = high - low
     vertices = vertices * (2.0 / height) - [0, low * 2.0 / height + 1, 0]
     vertices = _bent(_twisted(_tapered(vertices, rng.uniform(-0.45, 0.45)), rng.uniform(-1.6, 1.6)), rng)
-    return Triangles(vertices, surface.faces)
+    return RawMesh(vertices, surface.faces)
 
 
 def _tapered(vertices: Float[np.ndarray, "v 3"], amount: float) -> Float[np.ndarray, "v 3"]:
@@ -55,7 +55,7 @@ def _bent(vertices: Float[np.ndarray, "v 3"], rng: np.random.Generator) -> Float
     return np.stack([1 / curvature - radius * np.cos(curvature * y), radius * np.sin(curvature * y), z], -1)
 
 
-def scene(rng: np.random.Generator, target: int) -> Triangles:
+def scene(rng: np.random.Generator, target: int) -> RawMesh:
     """Several bodies close together: on a plate, heaped, or beside a wall; some touch, some run into each other."""
     kinds = (blob, folded, displaced, limbs, superquadric, vessel, gear, lattice, knot, grooved, boxes, cavity)
     count = int(rng.integers(2, 6))
@@ -105,7 +105,7 @@ SHAPE_KINDS = tuple(RECIPES)
 SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
 
-def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> Triangles:
+def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> RawMesh:
     """The recipe's surface as it is, or decimated, locally refined, relaxed, jittered; about `target` vertices."""
     way = rng.choice(["plain", "decimated", "regions", "edges"], p=[0.35, 0.25, 0.2, 0.2])
     ratio = {"plain": 1.0, "decimated": rng.uniform(1.15, 1.6), "regions": rng.uniform(0.5, 0.8), "edges": 0.7}[way]

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import sparse
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.triangles import (
-    Triangles,
     face_normals,
     mean_normals,
     tangential,
@@ -21,13 +21,13 @@ from gash_jax.shapes.triangles import (
 )
 
 
-def refine(surface: Triangles, marked: Bool[np.ndarray, "e"]) -> Triangles:
+def refine(surface: RawMesh, marked: Bool[np.ndarray, "e"]) -> RawMesh:
     """Split the marked edges (in the order of `unique_edges`) at their midpoints, conformingly.
 
     Every face is first turned so that its pattern of marked edges becomes one of: none, edge 01, edges 01 and
     12, all three.
     """
-    vertices, faces = surface
+    vertices, faces = surface[:2]
     edges, face_edges = unique_edges(faces)
     middle_of = np.cumsum(marked) - 1 + len(vertices)
     vertices = np.concatenate([vertices, vertices[edges[marked]].mean(axis=1)])
@@ -45,10 +45,10 @@ def refine(surface: Triangles, marked: Bool[np.ndarray, "e"]) -> Triangles:
         (count == 3, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
     )
     pieces = [np.stack(corners, -1)[chosen] for chosen, split in patterns for corners in split]
-    return Triangles(vertices, np.concatenate(pieces))
+    return RawMesh(vertices, np.concatenate(pieces))
 
 
-def refine_to(surface: Triangles, target: int, metric: Float[np.ndarray, "3"] | None = None) -> Triangles:
+def refine_to(surface: RawMesh, target: int, metric: Float[np.ndarray, "3"] | None = None) -> RawMesh:
     """Split the longest edges until the surface has `target` vertices (unchanged if it has them).
 
     `metric` weighs the axes when edges are compared: unequal weights leave triangles long along the light axis.
@@ -65,7 +65,7 @@ def refine_to(surface: Triangles, target: int, metric: Float[np.ndarray, "3"] | 
     return surface
 
 
-def refine_regions(surface: Triangles, rng: np.random.Generator, target: int) -> Triangles:
+def refine_regions(surface: RawMesh, rng: np.random.Generator, target: int) -> RawMesh:
     """Split the edges nearest to a few random vertices until about `target` vertices (at most two levels)."""
     seeds = surface.vertices[rng.integers(len(surface.vertices), size=int(rng.integers(1, 4)))]
     for share in (0.5, 1.0):
@@ -79,7 +79,7 @@ def refine_regions(surface: Triangles, rng: np.random.Generator, target: int) ->
     return surface
 
 
-def collapse(surface: Triangles, rng: np.random.Generator, target: int, passes: int = 14) -> Triangles:
+def collapse(surface: RawMesh, rng: np.random.Generator, target: int, passes: int = 14) -> RawMesh:
     """Contract edges to their midpoints, flat and short ones first, until `target` vertices are left.
 
     At most `passes` rounds. Boundary vertices stay, and so do faces that would turn over.
@@ -95,8 +95,8 @@ def collapse(surface: Triangles, rng: np.random.Generator, target: int, passes: 
     return surface
 
 
-def _collapse_pass(surface: Triangles, rng: np.random.Generator, excess: int) -> Triangles:
-    vertices, faces = surface
+def _collapse_pass(surface: RawMesh, rng: np.random.Generator, excess: int) -> RawMesh:
+    vertices, faces = surface[:2]
     edges, face_edges = unique_edges(faces)
     cost = _collapse_cost(surface, edges, face_edges) * np.exp(0.5 * rng.normal(size=len(edges)))
     chosen = np.flatnonzero(_cheapest_within_two_rings(edges, cost, len(vertices)))
@@ -110,7 +110,7 @@ def _collapse_pass(surface: Triangles, rng: np.random.Generator, excess: int) ->
     at[gone] = at[keep]
     new_faces = goes_to[faces]
     alive = (new_faces != np.roll(new_faces, 1, axis=1)).all(axis=1)
-    turned = np.einsum("fi,fi->f", face_normals(surface), face_normals(Triangles(at, faces))) < 0.3
+    turned = np.einsum("fi,fi->f", face_normals(surface), face_normals(RawMesh(at, faces))) < 0.3
     # undo the contractions around faces that would turn over
     undone = np.zeros(len(vertices), bool)
     undone[faces[alive & turned]] = True
@@ -119,14 +119,14 @@ def _collapse_pass(surface: Triangles, rng: np.random.Generator, excess: int) ->
     at[keep[bad]], at[gone[bad]] = vertices[keep[bad]], vertices[gone[bad]]
     new_faces = goes_to[faces]
     alive = (new_faces != np.roll(new_faces, 1, axis=1)).all(axis=1)
-    return without_unused(Triangles(at, new_faces[alive]))
+    return without_unused(RawMesh(at, new_faces[alive]))
 
 
 def _collapse_cost(
-    surface: Triangles, edges: Int[np.ndarray, "e 2"], face_edges: Int[np.ndarray, "f 3"]
+    surface: RawMesh, edges: Int[np.ndarray, "e 2"], face_edges: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "e"]:
     """Squared length times bend; infinite where contraction would break the manifold or the boundary."""
-    vertices, faces = surface
+    vertices, faces = surface[:2]
     count = len(vertices)
     bend = np.zeros(count)
     np.maximum.at(bend, faces, 1.0 - np.einsum("fci,fi->fc", mean_normals(surface)[faces], face_normals(surface)))
@@ -154,9 +154,9 @@ def _cheapest_within_two_rings(
     return (spread[edges].min(axis=1) == rank) & np.isfinite(cost)
 
 
-def relax(surface: Triangles, steps: int, amount: float = 0.5) -> Triangles:
+def relax(surface: RawMesh, steps: int, amount: float = 0.5) -> RawMesh:
     """Move vertices tangentially towards the mean of their neighbours; the boundary stays."""
-    vertices, faces = surface
+    vertices, faces = surface[:2]
     edges, face_edges = unique_edges(faces)
     count = len(vertices)
     inner = np.ones(count, bool)
@@ -166,16 +166,16 @@ def relax(surface: Triangles, steps: int, amount: float = 0.5) -> Triangles:
     degree = np.maximum(graph.sum(axis=1), 1.0)[:, None]
     for _ in range(steps):
         step = (graph @ vertices) / degree - vertices
-        vertices = vertices + amount * inner[:, None] * tangential(Triangles(vertices, faces), step)
-    return Triangles(vertices, faces)
+        vertices = vertices + amount * inner[:, None] * tangential(RawMesh(vertices, faces), step)
+    return RawMesh(vertices, faces)
 
 
-def jitter(surface: Triangles, rng: np.random.Generator, amount: float) -> Triangles:
+def jitter(surface: RawMesh, rng: np.random.Generator, amount: float) -> RawMesh:
     """Move vertices tangentially at random by up to `amount` (below 0.5) of their lowest triangle; not the boundary.
 
     The lowest height of the adjacent triangles bounds the step, so flat neighbourhoods cannot fold over.
     """
-    vertices, faces = surface
+    vertices, faces = surface[:2]
     edges, face_edges = unique_edges(faces)
     a, b, c = vertices[faces].transpose(1, 0, 2)
     length = np.linalg.norm(np.diff(vertices[edges], axis=1)[:, 0], axis=1)
@@ -185,4 +185,4 @@ def jitter(surface: Triangles, rng: np.random.Generator, amount: float) -> Trian
     lowest[edges[np.bincount(face_edges.ravel(), minlength=len(edges)) != 2]] = 0.0
     way = rng.normal(size=vertices.shape)
     way *= rng.random((len(vertices), 1)) / np.linalg.norm(way, axis=1, keepdims=True)
-    return Triangles(vertices + tangential(surface, amount * lowest[:, None] * way), faces)
+    return RawMesh(vertices + tangential(surface, amount * lowest[:, None] * way), faces)

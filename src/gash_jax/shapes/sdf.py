@@ -12,7 +12,8 @@ from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 from skimage.measure import marching_cubes
 
-from gash_jax.shapes.triangles import Triangles, largest_parts, random_rotation
+from gash_jax.geometry.mesh import RawMesh
+from gash_jax.shapes.triangles import largest_parts, random_rotation
 
 Vector = Float[np.ndarray, "3"] | Sequence[float | int]
 Field = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
@@ -146,7 +147,7 @@ def winding_folds(noise: Field, count: float) -> Field:
     return lambda points: 0.5 + 0.5 * np.cos(2 * np.pi * count * noise(points))
 
 
-def surface_of(field: Field, rng: np.random.Generator, target: int, radius: float) -> Triangles:
+def surface_of(field: Field, rng: np.random.Generator, target: int, radius: float) -> RawMesh:
     """Marching-cubes surface of the solid inside a ball of `radius` with about `target` vertices.
 
     The grid is turned at random against the solid and has cells of random proportions, so that its direction
@@ -163,7 +164,7 @@ def surface_of(field: Field, rng: np.random.Generator, target: int, radius: floa
         step *= float(np.clip(np.sqrt(crossings / target), 0.3, 2.0))
     values, origin = _sample(turned, lower, upper, step * cells)
     vertices, faces, _, _ = marching_cubes(values, 0.0)
-    return largest_parts(Triangles((vertices * (step * cells) + origin) @ rotation.T, faces.astype(np.int64)), 0.03)
+    return largest_parts(RawMesh((vertices * (step * cells) + origin) @ rotation.T, faces.astype(np.int64)), 0.03)
 
 
 def _extent(field: Field, radius: float) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:

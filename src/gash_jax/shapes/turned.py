@@ -7,12 +7,13 @@ and some vessels are open; everything else is closed.
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.shapes.parametric import flat_domain, grid_shape, revolved, spacing, sphere_points, swept, tube
 from gash_jax.shapes.sdf import creases, value_noise, wave_noise
-from gash_jax.shapes.triangles import Triangles, join, moved, outward, random_rotation
+from gash_jax.shapes.triangles import join, moved, outward, random_rotation
 
 
-def knot(rng: np.random.Generator, target: int) -> Triangles:
+def knot(rng: np.random.Generator, target: int) -> RawMesh:
     """Closed tubes about torus and Lissajous knots, open coils and wandering ropes; round, ribbed or square."""
     rows, columns = grid_shape(target, rng.uniform(4.0, 14.0))
     style = int(rng.integers(4))
@@ -60,7 +61,7 @@ def _least_along(curve: Float[np.ndarray, "r 3"]) -> Float[np.ndarray, "3"]:
     return np.eye(3)[int(worst.argmin())]
 
 
-def superquadric(rng: np.random.Generator, target: int) -> Triangles:
+def superquadric(rng: np.random.Generator, target: int) -> RawMesh:
     """Superellipsoids, pinched stars, superformula bodies with lobes, supertoroids."""
     style = int(rng.integers(3))
     if style == 2:
@@ -75,25 +76,25 @@ def superquadric(rng: np.random.Generator, target: int) -> Triangles:
             ring[None] * (lobes * _power(np.sin(u), e))[:, None],
         )
         return outward(swept(np.stack([flat[0], height, flat[1]], -1), rng, wrap_rows=True))
-    directions, faces = sphere_points(rng, target)
+    directions, faces = sphere_points(rng, target)[:2]
     scale = rng.uniform(0.4, 1.0, size=3)
     if style == 0:
         e, f = rng.choice([0.25, 0.6, 1.6, 2.2, 2.8], size=2)
         x, y, z = np.maximum(np.abs(directions / scale), 1e-9).T
         radius = ((x ** (2 / f) + y ** (2 / f)) ** (f / e) + z ** (2 / e)) ** (-e / 2)
-        return Triangles(directions * radius[:, None], faces)
+        return RawMesh(directions * radius[:, None], faces)
     azimuth, polar = np.arctan2(directions[:, 0], directions[:, 2]), np.arcsin(np.clip(directions[:, 1], -1, 1))
     depth, fade = rng.uniform(0.15, 0.6), np.cos(polar) ** 2
     lobes = 1 + depth * fade * np.cos(rng.integers(2, 9) * azimuth + rng.uniform(0, 4) * polar)
     bands = 1 + rng.uniform(0, 0.35) * np.cos(rng.integers(2, 7) * 2 * polar)
-    return Triangles(directions * (lobes * bands)[:, None] * scale, faces)
+    return RawMesh(directions * (lobes * bands)[:, None] * scale, faces)
 
 
 def _power(values: np.ndarray, exponent: float) -> np.ndarray:
     return np.sign(values) * np.abs(values) ** exponent
 
 
-def vessel(rng: np.random.Generator, target: int) -> Triangles:
+def vessel(rng: np.random.Generator, target: int) -> RawMesh:
     """Turned bowls, cups, vases and bottles, one wall or two, some with a handle, a spout or a lid."""
     extras = [kind for kind, share in (("handle", 0.35), ("spout", 0.25), ("lid", 0.25)) if rng.random() < share]
     rows, columns = grid_shape(round(target * (1 - 0.14 * len(extras))), rng.uniform(0.5, 2.0))
@@ -120,7 +121,7 @@ def vessel(rng: np.random.Generator, target: int) -> Triangles:
     return join(parts)
 
 
-def _fitting(rng: np.random.Generator, kind: str, target: int, waist: float, rim: float, height: float) -> Triangles:
+def _fitting(rng: np.random.Generator, kind: str, target: int, waist: float, rim: float, height: float) -> RawMesh:
     """A handle, spout or lid that enters the wall of a vessel a little, as modelled parts do."""
     rows, columns = grid_shape(target, rng.uniform(2.0, 5.0))
     if kind == "lid":
@@ -141,7 +142,7 @@ def _fitting(rng: np.random.Generator, kind: str, target: int, waist: float, rim
     return outward(tube(curve, thickness, np.broadcast_to([0.0, 0.0, 1.0], curve.shape), rng, closed=False))
 
 
-def grooved(rng: np.random.Generator, target: int) -> Triangles:
+def grooved(rng: np.random.Generator, target: int) -> RawMesh:
     """Turned bodies with rings, flutes, threads or knurls of round, triangular or square section; deep or fine."""
     slope = int(rng.integers(4))  # rings, flutes, threads, knurls
     rows, columns = grid_shape(target, (rng.uniform(1.0, 4.0), rng.uniform(0.15, 0.6), 2.0, 1.0)[slope])
@@ -164,7 +165,7 @@ def grooved(rng: np.random.Generator, target: int) -> Triangles:
     return outward(revolved(profile, columns, rng, radius, poles=(True, True)))
 
 
-def _ringed(rng: np.random.Generator, radius: Float[np.ndarray, "r c"], height: float) -> Triangles:
+def _ringed(rng: np.random.Generator, radius: Float[np.ndarray, "r c"], height: float) -> RawMesh:
     """The grooved band as the outside of a ring with a smooth bore."""
     rows, columns = radius.shape
     bore = np.full((max(2, rows // 5), columns), radius.min() * rng.uniform(0.4, 0.85))
@@ -173,7 +174,7 @@ def _ringed(rng: np.random.Generator, radius: Float[np.ndarray, "r c"], height: 
     return outward(revolved(profile, columns, rng, np.concatenate([radius, bore]), closed_rows=True))
 
 
-def needle(rng: np.random.Generator, target: int) -> Triangles:
+def needle(rng: np.random.Generator, target: int) -> RawMesh:
     """Thin and long: curved needles, handles with shafts, bundles of rods, tongs."""
     count = int(rng.choice([1, 1, 2, 3, 5]))
     rows, columns = grid_shape(round(target / count), rng.uniform(5.0, 16.0))
@@ -197,16 +198,16 @@ def needle(rng: np.random.Generator, target: int) -> Triangles:
     return join(parts)
 
 
-def sheet(rng: np.random.Generator, target: int) -> Triangles:
+def sheet(rng: np.random.Generator, target: int) -> RawMesh:
     """Open surfaces: terrain, pleated cloth, rolls, twisted ribbons, petals."""
     style = int(rng.integers(5))
     leaves = int(rng.integers(4, 9)) if style == 4 else 1
     parts = []
     for leaf in range(leaves):
-        flat, faces = flat_domain(rng, target // leaves, rng.uniform(0.4, 2.5))
+        flat, faces = flat_domain(rng, target // leaves, rng.uniform(0.4, 2.5))[:2]
         u, v = flat[:, 0], flat[:, 1]
         if style == 0:
-            parts.append(Triangles(_terrain(rng, flat), faces))
+            parts.append(RawMesh(_terrain(rng, flat), faces))
         elif style == 1:
             folds, depth, slant = (
                 rng.integers(2, 3 + len(flat) ** 0.5 / 10),
@@ -215,22 +216,20 @@ def sheet(rng: np.random.Generator, target: int) -> Triangles:
             )
             phase = 2 * np.pi * folds * (u + 0.2 * slant * v)
             sway = 0.12 * depth * folds * np.sin(2 * phase) * rng.uniform(0, 1) / folds
-            parts.append(Triangles(np.stack([u + sway, depth * (0.3 + v) * np.sin(phase), 1.3 * v], -1), faces))
+            parts.append(RawMesh(np.stack([u + sway, depth * (0.3 + v) * np.sin(phase), 1.3 * v], -1), faces))
         elif style == 2:
             turn = rng.uniform(2.5, 14.0)
             radius = 0.3 + rng.uniform(0.05, 0.12) * turn * u + 0.1 * v * rng.uniform(-1, 1)
-            parts.append(
-                Triangles(np.stack([radius * np.cos(turn * u), radius * np.sin(turn * u), 1.5 * v], -1), faces)
-            )
+            parts.append(RawMesh(np.stack([radius * np.cos(turn * u), radius * np.sin(turn * u), 1.5 * v], -1), faces))
         elif style == 3:
             twist, bend = rng.uniform(1, 9) * u, rng.uniform(0.5, 5) * u
             across = 0.6 * (v - 0.5)
             ring = 1 + across * np.cos(twist)
             parts.append(
-                Triangles(np.stack([ring * np.cos(bend), ring * np.sin(bend), across * np.sin(twist)], -1), faces)
+                RawMesh(np.stack([ring * np.cos(bend), ring * np.sin(bend), across * np.sin(twist)], -1), faces)
             )
         else:
-            parts.append(Triangles(_petal(rng, flat, (leaf + rng.uniform(-0.2, 0.2)) / leaves), faces))
+            parts.append(RawMesh(_petal(rng, flat, (leaf + rng.uniform(-0.2, 0.2)) / leaves), faces))
     return moved(join(parts), random_rotation(rng))
 
 

@@ -5,15 +5,7 @@ from pathlib import Path
 
 import click
 
-from gash_jax.apps.options import (
-    PATH,
-    Command,
-    json_option,
-    quiet_option,
-    reference_option,
-    result_option,
-    up_option,
-)
+from gash_jax.apps.options import PATH, Command, measuring_options
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.tables import print_methods
@@ -28,11 +20,7 @@ from gash_jax.models.model import Model, load_model
 @click.command(cls=Command, epilog="gash bench bunny.ply --model local -o bench.json")
 @click.argument("mesh", type=PATH)
 @click.option("--model", "models", multiple=True, help="Shipped name or weights file; may be given several times.")
-@reference_option
-@up_option
-@result_option
-@json_option
-@quiet_option
+@measuring_options
 def bench(
     mesh: Path, models: tuple[str, ...], rays: int, up: str, output: Path | None, as_json: bool, quiet: bool
 ) -> None:

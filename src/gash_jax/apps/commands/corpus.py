@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, quiet_option
+from gash_jax.apps.options import PATH, Command, overrides_argument, quiet_option
 from gash_jax.apps.pictures.contact_sheet import contact_sheet
 from gash_jax.apps.pictures.montage import check_picture, write_picture
 from gash_jax.apps.printing import say
@@ -18,7 +18,7 @@ from gash_jax.train.corpus import build_corpus, split_indices
 
 @click.command(cls=Command, epilog="gash corpus base -o corpus.png")
 @click.argument("config", type=PATH)
-@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
+@overrides_argument
 @click.option("-o", "--output", type=PATH, help="Contact sheet to draw (.png, .jpg).")
 @quiet_option
 def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:

@@ -6,15 +6,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gash_jax.apps.options import (
-    PATH,
-    Command,
-    json_option,
-    quiet_option,
-    reference_option,
-    result_option,
-    up_option,
-)
+from gash_jax.apps.options import PATH, Command, measuring_options
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.tables import print_meshes
@@ -29,11 +21,7 @@ from gash_jax.models.model import load_model
 @click.command(cls=Command, epilog="gash evaluate runs/two-stage bunny.ply spot.ply -o scores.json")
 @click.argument("run", type=PATH)
 @click.argument("meshes", nargs=-1, required=True, type=PATH, metavar="MESH...")
-@reference_option
-@up_option
-@result_option
-@json_option
-@quiet_option
+@measuring_options
 def evaluate(
     run: Path, meshes: tuple[Path, ...], rays: int, up: str, output: Path | None, as_json: bool, quiet: bool
 ) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from gash_jax.apps.options import PATH, Command, quiet_option
+from gash_jax.apps.options import PATH, Command, overrides_argument, quiet_option
 from gash_jax.apps.pictures.plots import plot_curves
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
@@ -52,8 +52,8 @@ def _settings(table: str, config: type) -> list[tuple[str, str]]:
 
 @click.command(cls=TrainCommand, epilog="gash train local train.seconds=60 -o runs/local")
 @click.argument("config", type=PATH)
-@click.argument("overrides", nargs=-1, metavar="[KEY=VALUE]...")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run folder.  [default: runs/NAME]")
+@overrides_argument
+@click.option("-o", "--output", type=PATH, help="Run folder.  [default: runs/NAME]")
 @quiet_option
 def train(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool) -> None:
     """Train the network that CONFIG (.toml, or a shipped name) describes.

@@ -1,9 +1,8 @@
-"""What file readers hand over before any check, and the parsing they share."""
+"""The text of mesh files: its coding and line ends, and the numbers in it, row by row."""
 
 import codecs
 import re
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int, Num
@@ -12,15 +11,6 @@ from gash_jax.geometry.mesh import MeshError
 
 _SAMPLE = 64  # bytes in which the zeros of wide text are looked for
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-
-
-class RawMesh(NamedTuple):
-    """The arrays of a file as they are: vertex i is the file's vertex i, nothing is checked yet."""
-
-    vertices: Num[np.ndarray, "v 3"]
-    faces: Int[np.ndarray, "f 3"]
-    normals: Num[np.ndarray, "v 3"] | None  # not finite or 0 where a vertex has none
-    notes: tuple[str, ...]  # what reading had to decide
 
 
 def plain_text(data: bytes) -> bytes:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gash_jax.formats.raw_mesh import leading_columns, parse_rows, plain_text, whole_numbers
+from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.geometry.mesh import MeshError
 
 
