@@ -24,25 +24,27 @@ from gash_jax.models.examples import Example
 from gash_jax.models.families import family_of, model_config, model_graph
 from gash_jax.models.model import load_model
 from gash_jax.shapes.primitives import bumpy_sphere
-from gash_jax.train import loop as train
+from gash_jax.train import phase_run
 from gash_jax.train.config import RunConfig, TrainConfig
+from gash_jax.train.loop import initial_state, train_model
 from gash_jax.train.objectives import objectives
+from gash_jax.train.step import make_optimizer, train_step
 
-train.LOG_EVERY, SIZE, ALL = 1, 600, jax.devices()
+phase_run.LOG_EVERY, SIZE, ALL = 1, 600, jax.devices()
 rng, meshes = np.random.default_rng(0), [bumpy_sphere(size) for size in (2, 3, 4, 3, 2, 4, 3)]
 labels = [rng.normal(0.3, 0.2, (len(mesh.vertices), 9)).astype(np.float32) for mesh in meshes]
 seen = [(rng.random((len(mesh.vertices), 25)) < 0.7).astype(np.float32) for mesh in meshes]
 
 def steps(run, examples, devices):
     # two steps of every phase
-    draw, optimizer = family_of(run.model).batches(examples).draw, train.make_optimizer(run.optim)
-    state, losses, place = train.initial_state(run, draw(SIZE, 0, 0, 1)), [], train._placement(devices)
+    draw, optimizer = family_of(run.model).batches(examples).draw, make_optimizer(run.optim)
+    state, losses, place = initial_state(run, draw(SIZE, 0, 0, 1)), [], phase_run.placement(devices)
     params, moments, used = state.params, state.optimizer, set()
     for objective in objectives(run.model):
         for step in range(2):
             batch = place(draw(SIZE, 0, step, len(devices)))
             used |= {s.device for s in batch.coefficients.addressable_shards} if len(devices) > 1 else set(devices)
-            params, moments, _, measures = train.train_step(
+            params, moments, _, measures = train_step(
                 params, moments, state.scale, batch, np.float32(1e-3), jax.random.key(0),
                 objective=objective, optimizer=optimizer)
             losses.append(float(measures["loss"]))
@@ -51,7 +53,7 @@ def steps(run, examples, devices):
 def whole_run(run, examples, devices):
     # the whole loop, in the folder that is the second argument
     jax.devices = lambda: devices
-    path = train.train_model(run, examples, examples[:1], f"{sys.argv[2]}/{len(devices)}")
+    path = train_model(run, examples, examples[:1], f"{sys.argv[2]}/{len(devices)}")
     lines = [json.loads(line) for line in open(path.parent / "metrics.jsonl")]
     return len(devices), [line["loss"] for line in lines if "loss" in line], load_model(path).params
 

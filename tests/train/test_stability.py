@@ -16,9 +16,11 @@ from gash_jax.models.losses import balanced_bce
 from gash_jax.nn.attention import GATv2Conv, TransformerConv
 from gash_jax.nn.config import ModelConfig
 from gash_jax.shapes.primitives import bumpy_sphere
-from gash_jax.train import loop as train
+from gash_jax.train import phase_run
 from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig
+from gash_jax.train.loop import initial_state, train_model
 from gash_jax.train.objectives import objectives
+from gash_jax.train.step import make_optimizer, train_step
 from tests.helpers.bumpy import random_variables
 
 TWO_STAGE = model_config(
@@ -45,11 +47,11 @@ def _batch(**options: Any) -> Batch:
 
 def _step(config: RunConfig, batch: Batch, half: bool = False, params: Any = None, scale: Any = None) -> tuple:
     """State before, and what one step at rate 0.01 makes of it in the last phase."""
-    state = train.initial_state(config, batch)
+    state = initial_state(config, batch)
     state = state._replace(params=params or state.params, scale=scale or state.scale)
-    phase, optimizer = objectives(config.model, half)[-1], train.make_optimizer(config.optim)
+    phase, optimizer = objectives(config.model, half)[-1], make_optimizer(config.optim)
     rate, key = jnp.float32(1e-2), jax.random.key(0)
-    out = train.train_step(
+    out = train_step(
         *(state.params, state.optimizer, state.scale, batch, rate, key),
         **{"objective": phase, "optimizer": optimizer, "half": half},
     )
@@ -185,12 +187,12 @@ def test_half_precision_learns_as_float32_does() -> None:
     for precision in ("float32", "float16"):
         run = RunConfig(model=TWO_STAGE, train=TrainConfig(steps=1, precision=precision))
         half, batch = precision == "float16", _batch()
-        state, phase = train.initial_state(run, batch), objectives(run.model, precision == "float16")[-1]
-        optimizer = train.make_optimizer(run.optim)
+        state, phase = initial_state(run, batch), objectives(run.model, precision == "float16")[-1]
+        optimizer = make_optimizer(run.optim)
         params, moments, scale, values = state.params, state.optimizer, state.scale, []
         for step in range(25):
             key = jax.random.key(step)
-            params, moments, scale, measures = train.train_step(
+            params, moments, scale, measures = train_step(
                 *(params, moments, scale, batch, jnp.float32(1e-2), key),
                 **{"objective": phase, "optimizer": optimizer, "half": half},
             )
@@ -203,7 +205,7 @@ def test_half_precision_learns_as_float32_does() -> None:
 
 
 def test_a_loss_that_is_not_finite_stops_with_one_line(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(train, "LOG_EVERY", 1)
+    monkeypatch.setattr(phase_run, "LOG_EVERY", 1)
     run = RunConfig(
         model=model_config("mlp", channels=8, layers=1),
         data=DataConfig(),
@@ -211,6 +213,6 @@ def test_a_loss_that_is_not_finite_stops_with_one_line(tmp_path, monkeypatch: py
         train=TrainConfig(steps=40, batch_vertices=len(MESH.vertices) + 5, checkpoint_every=1),
     )
     example = _example(config=run.model)
-    with pytest.raises(train.DivergenceError, match="lower optim.learning_rate") as caught:
-        train.train_model(replace(run), [example], [example], tmp_path)
+    with pytest.raises(phase_run.DivergenceError, match="lower optim.learning_rate") as caught:
+        train_model(replace(run), [example], [example], tmp_path)
     assert "\n" not in str(caught.value) and (tmp_path / "checkpoint").is_dir()

@@ -15,8 +15,9 @@ from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint
 from gash_jax.train.config import RunConfig, load_config
 from gash_jax.train.corpus import build_corpus, split_indices
 from gash_jax.train.distillation import distilled
-from gash_jax.train.loop import ReportFn, initial_state, train_model
+from gash_jax.train.loop import initial_state, train_model
 from gash_jax.train.own_meshes import folder_items, labelled_mesh
+from gash_jax.train.phase_run import ReportFn
 
 Progress = Callable[[int, int], None]
 

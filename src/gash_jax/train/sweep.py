@@ -29,7 +29,7 @@ from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.models.model import load_model
 from gash_jax.train.config import RunConfig, load_config, shipped_configs
 from gash_jax.train.logs import CLOCKS, read_lines
-from gash_jax.train.loop import ReportFn
+from gash_jax.train.phase_run import ReportFn
 from gash_jax.train.run import run_config
 
 
