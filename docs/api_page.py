@@ -53,7 +53,7 @@ def _section(home: str) -> str:
 def _definition(name: str, home: str) -> ast.FunctionDef | ast.ClassDef:
     path = PACKAGE / f"{home.replace('.', '/')}.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in tree.body:
+    for node in reversed(tree.body):  # the overloads of a function stand before it
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
             return node
         if isinstance(node, ast.ImportFrom) and node.module and name in {alias.name for alias in node.names}:

@@ -43,5 +43,5 @@ def test_shadows_read_and_nothing_rings_below_zero() -> None:
 def test_resolution_changes_the_light_little() -> None:
     coarse, fine = (project_map(studio_light(height), 3) for height in (64, 256))
     assert np.linalg.norm(coarse - fine) < 0.01 * np.linalg.norm(fine)
-    with pytest.raises(ValueError, match="4 or more"):
+    with pytest.raises(ValueError, match="height is 3: use a whole number from 4"):
         studio_light(3)

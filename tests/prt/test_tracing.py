@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt import tracing
 from gash_jax.prt.bake import bake_transfer, draw_shifts
@@ -54,7 +55,10 @@ def test_rows_of_a_bake_are_that_slice_of_the_whole(
 
 
 def test_rows_have_given_frames_and_what_is_no_run_of_rows_is_refused() -> None:
-    frames = np.linalg.qr(np.random.default_rng(0).normal(size=(len(MESH.vertices), 3, 3)))[0].astype(np.float32)
+    angle = np.random.default_rng(0).uniform(0, 2 * np.pi, len(MESH.vertices))
+    twist = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], -1).reshape(-1, 2, 2)
+    frames = np.array(orthonormal_frame(MESH.normals))
+    frames[:, :, :2] = frames[:, :, :2] @ twist
     whole = bake_transfer(MESH, rays=16, frames=frames)
     part = bake_transfer(MESH, rays=16, frames=frames, rows=slice(-7, None))
     np.testing.assert_array_equal(part.coefficients, whole.coefficients[-7:])

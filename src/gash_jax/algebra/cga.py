@@ -23,6 +23,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from gash_jax.algebra.arguments import check_last_axis
+
 METRIC = (1, 1, 1, 1, -1)
 
 SCALAR, E1, E2, E3, EP, EM = 0, 1, 2, 4, 8, 16
@@ -100,6 +102,8 @@ def _blocked_product(a: Float[Array, "n 32"], b: Float[Array, "n 32"], kind: str
 @functools.partial(jax.jit, static_argnames="kind")
 def _product(a: Multivector, b: Multivector, kind: str) -> Float[Array, "... 32"]:
     a, b = jnp.asarray(a), jnp.asarray(b)
+    for factor in (a, b):
+        check_last_axis("multivectors", factor, 32)
     shape = (*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), 32)
     dtype = jnp.result_type(a, b)
     a, b = (jnp.broadcast_to(x, shape).reshape(-1, 32).astype(dtype) for x in (a, b))

@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import ArrayLike, WholeNumber
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, is_real
 from gash_jax.algebra.sh import band_index, evaluate_sh, validate_bands
 
 
@@ -71,8 +71,9 @@ def unshadowed_transfer(normals: ArrayLike | Array, bands: WholeNumber = 3) -> F
     >>> [round(float(t), 4) for t in up[0]]
     [0.2821, 0.3257, 0.0, 0.0]
     """
-    bands, normals = validate_bands(bands), jnp.asarray(normals)
-    if normals.ndim != 2 or normals.shape[1] != 3 or normals.dtype.kind != "f":
-        raise ValueError(f"normals have shape {normals.shape} {normals.dtype}: give (v, 3) unit vectors")
+    bands, given = validate_bands(bands), as_array(normals)
+    if given.ndim != 2 or given.shape[1] != 3 or not is_real(given):
+        raise ValueError(f"normals have shape {given.shape} {given.dtype}: give (v, 3) unit vectors")
+    normals = jnp.asarray(given) if given.dtype.kind not in "iu" else jnp.asarray(given, jnp.float32)
     factors = jnp.asarray(clamped_cosine_coefficients(bands) / np.pi, jnp.float32)
     return zero_without_normal(evaluate_sh(normals, bands) * factors[None], normals)

@@ -28,6 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gash_jax.algebra import cga
+from gash_jax.algebra.arguments import check_last_axis
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 
 Points = Float[Array | np.ndarray, "... 3"]
@@ -49,6 +50,7 @@ def embed_point(x: Points) -> Float[Array, "... 32"]:
     0.0
     """
     x = jnp.asarray(x)
+    check_last_axis("points", x, 3)
     half_square = 0.5 * jnp.sum(x * x, axis=-1)
     return _multivector(
         {
@@ -80,6 +82,7 @@ def rotor_from_normal(normals: Points) -> Float[Array, "... 32"]:
     1.0
     """
     n = jnp.asarray(normals)
+    check_last_axis("normals", n, 3)
     x, y, z = n[..., 0], n[..., 1], n[..., 2]
     one_plus_y = jnp.where(y < 0.0, (x * x + z * z) / (1.0 + jnp.abs(y)), 1.0 + y)
     half = safe_normalize(jnp.stack([x, one_plus_y, z], axis=-1))
@@ -115,12 +118,14 @@ def _from_dual_quaternion(real: Array, dual: Array) -> Float[Array, "... 32"]:
 def _quaternion(m: Multivector) -> Float[Array, "... 4"]:
     """Rotor part of a motor as quaternion (w, x, y, z)."""
     m = jnp.asarray(m)
+    check_last_axis("motors", m, 32)
     return jnp.stack([m[..., cga.SCALAR], -m[..., cga.E23], m[..., cga.E13], -m[..., cga.E12]], axis=-1)
 
 
 def _dual_quaternion(m: Multivector) -> tuple[Float[Array, "... 4"], Float[Array, "... 4"]]:
     """Motor as r + d I e_inf; the e_inf part is the mean of the e+ and e- coefficients."""
     m = jnp.asarray(m)
+    check_last_axis("motors", m, 32)
     blades = ((cga.E123P, cga.E123M), (cga.E1P, cga.E1M), (cga.E2P, cga.E2M), (cga.E3P, cga.E3M))
     dual = jnp.stack([0.5 * (m[..., plus] + m[..., minus]) for plus, minus in blades], axis=-1)
     return _quaternion(m), dual
@@ -163,6 +168,9 @@ def motor(positions: Points, normals: Points) -> Float[Array, "... 32"]:
     >>> m.shape
     (1, 32)
     """
+    shapes = np.shape(positions), np.shape(normals)
+    if shapes[0] != shapes[1]:
+        raise ValueError(f"positions have shape {shapes[0]}, normals {shapes[1]}: give a normal for each position")
     real = _quaternion(rotor_from_normal(normals))
     return _from_dual_quaternion(real, _multiply(_pure(-0.5 * jnp.asarray(positions)), real))
 

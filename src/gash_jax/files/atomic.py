@@ -28,6 +28,21 @@ class FileError(ValueError):
     """
 
 
+def as_path(value: object) -> Path:
+    """A path that somebody gave. Raises FileError for what is none, and for names that no file can have."""
+    if not isinstance(value, str | os.PathLike):
+        raise FileError(f"a {type(value).__name__} is no path: give a string or a pathlib.Path")
+    path = Path(value)
+    try:
+        path.stat()
+    except ValueError:
+        raise FileError(f"{str(path)!r} names no file: there is a zero byte in it") from None
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise FileError(f"{path} names no file: {error.strerror}") from None
+    return path
+
+
 def check_writable(path: str | Path, inputs: Iterable[str | Path | None] = ()) -> Path:
     """Fail before hours of work, not after; returns the file that would be written, links followed.
 
@@ -35,7 +50,7 @@ def check_writable(path: str | Path, inputs: Iterable[str | Path | None] = ()) -
     `inputs`, whatever both are called (relative, by a link, in other letters where these do not count). None and names
     of no file count for nothing.
     """
-    path = Path(path)
+    path = as_path(path)
     target = _followed(path)
     try:
         mode = path.stat().st_mode

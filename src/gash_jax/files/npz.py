@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gash_jax.files.atomic import FileError, whole_file
+from gash_jax.files.atomic import FileError, as_path, whole_file
 
 # what numpy and zipfile raise on damaged archives: RuntimeError for flags that say encrypted or a later version
 _DAMAGED = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, LookupError, RuntimeError, MemoryError)
@@ -17,9 +17,16 @@ _DAMAGED += (TypeError, AttributeError, SyntaxError)
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
-    """Write to a temporary name beside `path`, then rename: readers see the old file or the new one."""
+    """Write to a temporary name beside `path`, then rename: readers see the old file or the new one.
+
+    Raises FileError where that cannot be, or where the metadata is not JSON.
+    """
+    try:
+        entries = np.array(json.dumps(metadata))
+    except (TypeError, ValueError) as error:
+        raise FileError(f"cannot write {path}: its metadata is no JSON ({error}): give numbers and text") from None
     with whole_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, allow_pickle=False, **arrays, metadata=np.array(json.dumps(metadata)))
+        np.savez(file, allow_pickle=False, **arrays, metadata=entries)
 
 
 def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -28,7 +35,7 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
     Raises FileError where the file is missing, no such archive, damaged, or lacks one of the `required` arrays; whether
     its arrays fit together is for `check_arrays`.
     """
-    path = Path(path)
+    path = as_path(path)
     if not path.exists():
         raise FileError(f"no such file: {path}")
     if path.is_dir():

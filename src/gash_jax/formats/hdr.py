@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
+from gash_jax.algebra.arguments import ArrayLike, as_array
 from gash_jax.files.atomic import whole_file
 from gash_jax.formats.picture import FORMATS, MOST_PIXELS, LightError, Picture, Progress, read_bytes, without_negatives
 from gash_jax.formats.primaries import REC_709, in_rec_709
@@ -56,13 +57,14 @@ def open_hdr(path: str | Path, progress: Progress | None = None) -> Picture:
     return Picture(np.ascontiguousarray(_upright(image, header)), notes + note)
 
 
-def write_hdr(path: str | Path, image: Shaped[np.ndarray, "..."]) -> None:
+def write_hdr(path: str | Path, image: ArrayLike) -> None:
     """Write linear radiance (h, w, 3), finite and not negative, as a run-length coded picture; whole or not at all.
 
     >>> gash_jax.write_hdr("grey.hdr", np.full((16, 32, 3), 0.5))
     >>> round(float(gash_jax.load_light("grey.hdr").coefficients[0, 0]), 3)
     1.772
     """
+    image = np.asarray(as_array(image))
     if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape or image.dtype.kind not in "fiu":
         raise LightError(f"an environment map has shape (height, width, 3), this image {image.shape} {image.dtype}")
     image = image.astype(np.float64)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gash_jax.files.atomic import FileError, as_path
 from gash_jax.formats.gltf import read_gltf
 from gash_jax.formats.obj import read_obj
 from gash_jax.formats.off import read_off
@@ -30,6 +31,10 @@ READERS: dict[str, Callable[[bytes, Path], RawMesh]] = {
 
 def read_mesh_file(path: Path) -> RawMesh:
     """The arrays in a file, or MeshError naming it."""
+    try:
+        path = as_path(path)
+    except FileError as error:
+        raise MeshError(str(error)) from None
     if path.is_dir():
         raise MeshError(f"{path} is a folder: give a mesh file ({' '.join(READERS)})")
     suffix = path.suffix.lower()

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from gash_jax.algebra.arguments import shown
+from gash_jax.files.atomic import as_path
 from gash_jax.formats.gltf import read_gltf
 from gash_jax.formats.gltf_document import named_files
 from gash_jax.formats.mesh_files import READERS, read_mesh_file
@@ -67,8 +69,8 @@ def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
     >>> report.counts["isolated_vertices"], report.planar
     (1, True)
     """
-    if up not in TO_Y_UP:
-        raise MeshError(f"unknown up axis {up!r}: choose one of {', '.join(TO_Y_UP)}")
+    if not isinstance(up, str) or up not in TO_Y_UP:
+        raise MeshError(f"unknown up axis {shown(up)}: choose one of {', '.join(TO_Y_UP)}")
     if isinstance(source, Mesh):
         mesh = checked_mesh(source)
         mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up].astype(np.float64))
@@ -103,8 +105,8 @@ def save_mesh(path: str | os.PathLike[str], mesh: MeshLike) -> None:
     >>> gash_jax.load_mesh("triangle.ply").faces.tolist()
     [[0, 1, 2]]
     """
-    if Path(path).suffix.lower() != ".ply":
-        raise MeshError(f"{os.fspath(path)}: meshes are written as .ply, choose such a name")
+    if as_path(path).suffix.lower() != ".ply":
+        raise MeshError(f"{path}: meshes are written as .ply, choose such a name")
     write_ply(path, as_mesh(mesh))
 
 
@@ -123,7 +125,7 @@ def _raw(source: MeshLike) -> RawMesh:
         raise MeshError(
             f"a mesh of arrays is (vertices, faces) or (vertices, faces, normals), not {len(source)} of them"
         )
-    normals = None if len(source) == 2 else _array(source[2], "normals")
+    normals = None if len(source) == 2 or source[2] is None else _array(source[2], "normals")
     return RawMesh(_array(source[0], "vertices"), _array(source[1], "faces"), normals)
 
 

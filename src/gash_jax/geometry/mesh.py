@@ -150,7 +150,7 @@ def transform(
 
     Raises ValueError unless `rotation` is a proper rotation and `scale` positive: faces keep their winding.
     """
-    matrix = np.eye(3) if rotation is None else proper_rotation(np.asarray(rotation))
+    matrix = np.eye(3) if rotation is None else proper_rotation(rotation)
     if not scale > 0:
         raise ValueError(f"scale must be positive, not {scale}")
     shift = 0.0 if translation is None else np.asarray(translation, dtype=np.float64)

@@ -19,9 +19,10 @@ from jax import Array
 from jax.core import Tracer
 from jaxtyping import Float, Shaped
 
-from gash_jax.algebra.arguments import ArrayLike, WholeNumber, proper_rotation
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, is_real, proper_rotation
 from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
+from gash_jax.files.atomic import as_path
 from gash_jax.files.containers import Container
 from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.formats.maps import read_map
@@ -64,14 +65,14 @@ def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
     """Coefficients of a light, as the array they are. Raises LightError unless they are (bands^2, 3) real numbers."""
     if isinstance(light, Light):
         return light.coefficients
-    found = light if isinstance(light, np.ndarray | Array) else np.asarray(light)
-    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "fiu":
+    found = as_array(light)
+    if found.ndim != 2 or found.shape[1] != 3 or not is_real(found):
         raise LightError(
             f"light has shape {found.shape} {found.dtype}, not (bands^2, 3) real numbers, a column for each of red, "
             "green and blue: load_light and project_light make such a light"
         )
     bands_of(len(found))
-    return found if found.dtype.kind == "f" else found.astype(np.float32)
+    return found.astype(np.float32) if found.dtype.kind in "iu" else found
 
 
 def project_light(image: ArrayLike | Array, bands: WholeNumber = 3, layout: str | None = None) -> Light:
@@ -85,7 +86,7 @@ def project_light(image: ArrayLike | Array, bands: WholeNumber = 3, layout: str 
     >>> light.coefficients.shape, round(float(light.coefficients[0, 0]), 3)
     ((4, 3), 3.545)
     """
-    image, bands = np.asarray(image), validate_bands(bands)
+    image, bands = np.asarray(as_array(image)), validate_bands(bands)
     coefficients = project_map(image, bands, layout)
     layout, note = layout_of(image, layout)
     entries = {"map": list(image.shape[:2]), "layout": layout, "notes": list(note)}
@@ -154,7 +155,7 @@ def load_light(
     >>> gash_jax.load_light("studio.hdr", bands=4).coefficients.shape
     (16, 3)
     """
-    bands, path = validate_bands(bands), Path(path)
+    bands, path = validate_bands(bands), as_path(path)
     if path.suffix.lower() == ".npz":
         if layout is not None:
             raise LightError(f"{path} is a light file, which has no layout: leave the layout out")
@@ -173,15 +174,19 @@ def load_light(
     return Light(coefficients, light_metadata(bands, **entries))
 
 
-def save_light(path: str | Path, light: Light) -> None:
-    """Write a light file; plain NumPy reads it without pickle.
+def save_light(path: str | Path, light: LightLike) -> None:
+    """Write a light file; plain NumPy reads it without pickle. Raises LightError unless its values are finite.
 
     >>> gash_jax.save_light("studio.npz", gash_jax.load_light("studio.hdr"))
     >>> gash_jax.load_light("studio.npz").bands
     3
     """
+    light = light if isinstance(light, Light) else Light(light)
+    coefficients = np.asarray(light.coefficients, np.float32)
+    if not np.isfinite(coefficients).all():
+        raise LightError(f"{path} was not written: the light holds values that are not finite, project the map again")
     metadata = {**light_metadata(light.bands), **light.metadata, "bands": light.bands}
-    write_npz(path, {"coefficients": np.asarray(light.coefficients, np.float32)}, metadata)
+    write_npz(path, {"coefficients": coefficients}, metadata)
 
 
 def light_metadata(bands: int, **entries: Any) -> dict[str, Any]:
@@ -206,7 +211,9 @@ def rotate_light(light: LightLike, rotation: ArrayLike | Array) -> Light | Array
     True
     """
     if not isinstance(rotation, Tracer):  # its numbers cannot be looked at
-        rotation = proper_rotation(np.asarray(rotation)).astype(np.float32)
+        rotation = proper_rotation(rotation).astype(np.float32)
+    elif rotation.shape != (3, 3):
+        raise ValueError(f"rotation has shape {rotation.shape}: use a rotation matrix (3, 3)")
     turned = rotate_coefficients(light_coefficients(light).T, rotation).T
     return light._replace(coefficients=turned) if isinstance(light, Light) else turned
 

@@ -6,14 +6,11 @@ radiance 1 shades an unoccluded vertex to exactly 1. Windows (see `gash_jax.alge
 bright lights; they act here, never in files.
 """
 
-from typing import Any
-
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import ArrayLike
+from gash_jax.algebra.arguments import ArrayLike, as_array, is_real, shown
 from gash_jax.light.environment import LightLike, light_coefficients
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
@@ -39,25 +36,28 @@ def shade(
     coefficients = jnp.asarray(transfer_coefficients(transfer))
     radiance = jnp.asarray(light_coefficients(light))
     count = coefficients.shape[1]
-    _check_shape("albedo", albedo, [(3,), (len(coefficients), 3)])
-    _check_shape("window", window, [(count,)])
+    factors = None if albedo is None else _factors("albedo", albedo, [(3,), (len(coefficients), 3)])
+    damping = None if window is None else _factors("window", window, [(count,)])
     if radiance.shape[0] < count:
         raise ValueError(
             f"the light has {radiance.shape[0]} coefficients, the transfer {count}: "
             f"project the light again with {round(count**0.5)} bands"
         )
     radiance = radiance[:count]
-    if window is not None:
-        radiance = radiance * jnp.asarray(window, radiance.dtype)[:, None]
+    if damping is not None:
+        radiance = radiance * damping.astype(radiance.dtype)[:, None]
     if coefficients.ndim == 2:
         leaving = jnp.matmul(coefficients, radiance, precision="highest")
     else:
         leaving = jnp.einsum("vkc,kc->vc", coefficients, radiance, precision="highest")
-    if albedo is None:
-        return leaving
-    return leaving * jnp.broadcast_to(jnp.asarray(albedo), leaving.shape)
+    return leaving if factors is None else leaving * jnp.broadcast_to(factors, leaving.shape)
 
 
-def _check_shape(name: str, value: Any, shapes: list[tuple[int, ...]]) -> None:
-    if value is not None and np.shape(value) not in shapes:
-        raise ValueError(f"{name} has shape {np.shape(value)}: give {' or '.join(map(str, shapes))}")
+def _factors(name: str, value: object, shapes: list[tuple[int, ...]]) -> Array:
+    found = as_array(value)
+    wanted = " or ".join(map(str, shapes))
+    if not is_real(found):
+        raise ValueError(f"{name} is {shown(value)}: give numbers {wanted}")
+    if found.shape not in shapes:
+        raise ValueError(f"{name} has shape {found.shape}: give {wanted}")
+    return jnp.asarray(found)

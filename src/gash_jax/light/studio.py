@@ -7,6 +7,7 @@ Radiances are chosen so that a white surface facing the key leaves about 1, one 
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.algebra.arguments import WholeNumber, whole_number
 from gash_jax.light.layouts import pixel_directions
 
 SKY_HORIZON, SKY_ZENITH, FLOOR = (0.26, 0.28, 0.31), (0.16, 0.2, 0.28), (0.05, 0.045, 0.04)
@@ -15,14 +16,13 @@ KEY = ((-0.55, 0.7, 0.55), 20.0, (7.4, 6.3, 4.9))
 RIM = ((0.75, 0.3, -0.6), 16.0, (3.0, 4.0, 5.6))
 
 
-def studio_light(height: int = 128) -> Float[np.ndarray, "h w 3"]:
-    """Equirectangular map (height, 2 height, 3), linear radiance, float32. Raises ValueError for height < 4.
+def studio_light(height: WholeNumber = 128) -> Float[np.ndarray, "h w 3"]:
+    """Equirectangular map (height, 2 height, 3), linear radiance, float32; `height` from 4 to 8192, or ValueError.
 
     >>> gash_jax.project_light(gash_jax.studio_light(64)).coefficients.shape
     (9, 3)
     """
-    if height < 4:
-        raise ValueError(f"a studio of {height} rows shows nothing: use 4 or more")
+    height = whole_number(height, "height", 4, 8192)
     directions = pixel_directions(height, 2 * height)
     up = directions[..., 1:2]
     sky = np.array(SKY_HORIZON) + np.clip(up, 0.0, 1.0) * np.subtract(SKY_ZENITH, SKY_HORIZON)

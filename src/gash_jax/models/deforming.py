@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals, lengths, normalized
@@ -28,7 +29,7 @@ from gash_jax.models.surfel_inference import apply_surfels
 from gash_jax.nn.surfel_net import SurfelConfig
 
 # positions -> coefficients and predicted error, both "v k"
-DeformingFn = Callable[[Float[Array | np.ndarray, "v 3"]], tuple[Array, Array]]
+DeformingFn = Callable[[ArrayLike | Array], tuple[Array, Array]]
 
 
 def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
@@ -97,7 +98,7 @@ def normals_of_pose(
 def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     """A compiled function of the positions of all vertices, in the file's units; normals of `mesh` are carried along.
 
-    Raises ValueError for a model other than `local`.
+    Raises ValueError for a model other than `local`, and where it is called for positions of another shape.
 
     >>> mesh = gash_jax.load_mesh("bunny.ply")
     >>> predict = gash_jax.deforming_predictor(gash_jax.load_model("local"), mesh)
@@ -105,6 +106,8 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     >>> coefficients.shape
     (362, 9)
     """
+    if not isinstance(model, Model):
+        raise ValueError(f"a {type(model).__name__} is no model: give what load_model returns")
     if not isinstance(model.config, SurfelConfig):
         raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
     mesh = as_mesh(mesh)
@@ -121,4 +124,13 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
         blocks = block_arrays(plan, records, placed, normals, jnp)
         return apply_surfels(model.module, params, SurfelGraph(blocks, slot, center, np.asarray(unit, np.float32)))
 
-    return lambda vertices: frame(jnp.asarray(vertices, jnp.float32), model.params)
+    def predict(vertices: ArrayLike | Array) -> tuple[Array, Array]:
+        pose = as_array(vertices)
+        if pose.shape != mesh.vertices.shape or not is_real(pose):
+            raise ValueError(
+                f"positions have shape {pose.shape} {pose.dtype}: give those of all vertices of the mesh, "
+                f"{mesh.vertices.shape}"
+            )
+        return frame(jnp.asarray(pose, jnp.float32), model.params)
+
+    return predict

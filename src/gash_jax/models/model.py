@@ -17,12 +17,12 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from jax.core import Tracer
 
 from gash_jax.algebra.arguments import WholeNumber, whole_number
-from gash_jax.files.atomic import FileError
+from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.files.settings import ConfigError
 from gash_jax.formats.meshes import MeshLike, as_mesh, is_mesh_like
 from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
-from gash_jax.models.parameter_shapes import parameter_shapes
+from gash_jax.models.parameter_shapes import graph_structure, parameter_shapes
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
@@ -69,18 +69,22 @@ class Model:
 
     def __call__(self, graph: Any) -> jax.Array:
         """Coefficients of every vertex, "v k", in the order of the mesh; of a graph, or of a mesh itself."""
-        return self.with_error(self.graph(graph) if is_mesh_like(graph) else graph)[0]
+        return self.with_error(graph)[0]
 
     def with_error(self, graph: Any, params: Any = None) -> tuple[jax.Array, jax.Array | None]:
         """Coefficients, and the RMS error expected of each where the network says it (`local` does), both "v k".
 
         A JAX function of the graph's arrays and of `params` (the model's own unless given): jit, grad and vmap work.
+        Raises ValueError for the graph of another network and for the weights of one.
         """
-        params = self.params if params is None else params
+        params, graph = self.params if params is None else self._weights(params), self._read(graph)
         traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((graph, params)))
         if self.family.predict_fast and not traced:
             return self.family.predict_fast(self.module, params, graph)
         return self._apply(params, graph)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Model, (self.config, self.params, self.metadata)  # compiled functions cannot be pickled
 
     @property
     def predicts_visibility(self) -> bool:
@@ -94,7 +98,26 @@ class Model:
         """
         if not self.predicts_visibility:
             raise ValueError(f"model {self.config.name} predicts no visibility: only two-stage does")
-        return self._logits({"params": self.params}, graph)
+        return self._logits({"params": self.params}, self._read(graph))
+
+    def _read(self, graph: Any) -> Any:
+        """The graph, or that of the mesh that is given in its place."""
+        if is_mesh_like(graph):
+            return self.graph(graph)
+        if jax.tree.structure(graph) != graph_structure(self.config):
+            raise ValueError(
+                f"a {type(graph).__name__} that model {self.config.name} does not read: give a mesh, "
+                "or what graph(mesh) of this model returns"
+            )
+        return graph
+
+    def _weights(self, params: Any) -> Any:
+        own, given = (jax.tree.map(np.shape, tree) for tree in (self.params, params))
+        if own != given:
+            raise ValueError(
+                f"params are not those of model {self.config.name}: give a tree of the shapes of its params"
+            )
+        return params
 
     def predict(self, mesh: MeshLike, seed: WholeNumber = 0) -> Transfer:
         """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
@@ -130,7 +153,7 @@ def shipped_models() -> dict[str, Path]:
 
 
 def load_model(name: str | Path) -> Model:
-    """Load weights that ship with the package by name, or a model file by path.
+    """Load weights that ship with the package by name, or a model file or a run's folder by path.
 
     Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
 
@@ -138,10 +161,14 @@ def load_model(name: str | Path) -> Model:
     'mlp'
     """
     shipped = shipped_models()
-    if str(name) not in shipped and not Path(name).exists():
+    path = shipped.get(str(name)) or as_path(name)
+    if not path.exists():
         known = ", ".join(shipped) or "none"
         raise FileError(f"no model {str(name)!r}: give a weights file, or one of the shipped names ({known})")
-    path = shipped.get(str(name), Path(name))
+    if path.is_dir():
+        path = path / "model.npz"
+        if not path.is_file():
+            raise FileError(f"no model in the folder {name}: give a weights file, or the folder of a finished run")
     arrays, metadata = read_npz(path, "model", ())
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")

@@ -1,11 +1,12 @@
-"""Names and shapes of the parameters of a network, from its config alone.
+"""Names and shapes of the parameters of a network, and the structure of what it reads, from its config alone.
 
-They follow from tracing the network's initialisation on the smallest of meshes, which takes longer than reading a model
-file. So they are kept in the user's cache, under the hash of the config and of the source of the networks.
+The parameters follow from tracing the network's initialisation on the smallest of meshes, which takes longer than
+reading a model file. So they are kept in the user's cache, under the hash of the config and of the networks' source.
 """
 
 import hashlib
 import json
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -48,12 +49,24 @@ def parameter_shapes(config: ModelConfig) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def traced_shapes(config: ModelConfig) -> dict[str, tuple[int, ...]]:
-    """The same without the cache; nothing is computed."""
+def _smallest(config: ModelConfig) -> Example:
+    """The octahedron as a network reads it, with labels of zeros."""
     count, directions = len(_CORNERS), getattr(config, "visibility_directions", 1)
     visibility = np.zeros((count, directions), np.float32)
     graph = model_graph(config, _OCTAHEDRON, 0, visibility)
-    example = Example(graph, np.zeros((count, config.bands**2), np.float32), visibility)
+    return Example(graph, np.zeros((count, config.bands**2), np.float32), visibility)
+
+
+@cache
+def graph_structure(config: ModelConfig) -> Any:
+    """The tree of arrays that a network reads of a mesh, as `jax.tree.structure` gives it."""
+    with jax.ensure_compile_time_eval():  # whoever asks may be tracing
+        return jax.tree.structure(_smallest(config).graph)
+
+
+def traced_shapes(config: ModelConfig) -> dict[str, tuple[int, ...]]:
+    """The same without the cache; nothing is computed."""
+    example = _smallest(config)
     inputs = jax.tree.map(lambda leaf: leaf[0], family_of(config).batches([example]).draw(_BATCH, 0, 0).inputs)
     variables = jax.eval_shape(build_model(config).init, jax.eval_shape(lambda: jax.random.key(0)), inputs)
     leaves: dict[str, Any] = flatten_dict(variables["params"], sep="/")  # type: ignore[assignment]

@@ -19,7 +19,7 @@ import time
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import WholeNumber, whole_number
+from gash_jax.algebra.arguments import WholeNumber, shown, whole_number
 from gash_jax.algebra.sh import band_index, bands_of, validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.integrands import direct, to_world
@@ -81,9 +81,12 @@ def replicate_error(
 
 
 def _range_of(rows: slice | None, count: int) -> tuple[int, int]:
-    first, last, step = (rows or slice(None)).indices(count)
+    try:
+        first, last, step = slice(None).indices(count) if rows is None else rows.indices(count)
+    except (AttributeError, TypeError):  # no slice, or not of whole numbers
+        first = last = step = 0
     if step != 1 or first >= last:
-        raise ValueError(f"rows {rows} are no consecutive vertices of a mesh of {count}: use slice(first, last)")
+        raise ValueError(f"rows {shown(rows)} are no consecutive vertices of a mesh of {count}: use slice(first, last)")
     return first, last
 
 

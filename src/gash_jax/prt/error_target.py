@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, real_number, shown, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
@@ -55,10 +55,12 @@ class State(NamedTuple):
     quarters: Float[np.ndarray, "a 4 k"]
 
 
-def check_error(error: RealNumber) -> None:
-    """Raise ValueError for an error that no bake should aim at."""
-    if not (isinstance(error, float | int | np.floating) and LOWEST_ERROR <= error <= HIGHEST_ERROR):
-        raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {error}")
+def check_error(error: RealNumber) -> float:
+    """The error that a bake aims at as a Python float. Raises ValueError for one that none should aim at."""
+    number = real_number(error)
+    if number is None or not LOWEST_ERROR <= number <= HIGHEST_ERROR:
+        raise ValueError(f"error must be from {LOWEST_ERROR:g} to {HIGHEST_ERROR:g}, not {shown(error)}")
+    return number
 
 
 def kappa(rays: Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
@@ -137,8 +139,7 @@ def bake_to_error(
     True
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
-    check_error(error)
-    error = float(error)
+    error = check_error(error)
     started = time.perf_counter()
     geometry = trace_geometry(mesh)
     visible = visibility(geometry.vertices, geometry.faces, backend)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, as_array, is_real, whole_number
 from gash_jax.algebra.sh import bands_of, validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -66,8 +66,7 @@ def plan_bake(
     (True, True)
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
-    check_error(error)
-    light, error = None if light is None else _light(light), float(error)
+    error, light = check_error(error), None if light is None else _light(light)
     started = time.perf_counter()
     geometry = trace_geometry(mesh)
     visible = visibility(geometry.vertices, geometry.faces)
@@ -105,8 +104,10 @@ def plan_bake(
 
 def _light(light: Any) -> Float[np.ndarray, "k 3"]:
     """Coefficients of a light, which is a container or an array."""
-    found = np.asarray(getattr(light, "coefficients", light))
-    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "fiu":
-        raise ValueError(f"light has shape {found.shape} {found.dtype}: give a Light, or coefficients (bands^2, 3)")
+    found = np.asarray(as_array(getattr(light, "coefficients", light)))
+    if found.ndim != 2 or found.shape[1] != 3 or not is_real(found):
+        raise ValueError(f"light has shape {found.shape} {found.dtype}: give what load_light returns, or (bands^2, 3)")
+    if not np.isfinite(found).all():
+        raise ValueError("the light holds values that are not finite: project its map again")
     bands_of(len(found))
     return found.astype(np.float32)

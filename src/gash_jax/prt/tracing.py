@@ -18,6 +18,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Shaped
 
+from gash_jax.algebra.arguments import as_array, is_real
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.files.cores import available_cores
 from gash_jax.geometry.mesh import Mesh
@@ -25,6 +26,7 @@ from gash_jax.prt.rays import Hits, RayQuery, TraceGeometry
 from gash_jax.prt.sampling import Density, sample_rays
 
 RAYS_PER_CHUNK = 1 << 17
+FRAME = 1e-3  # how far from orthonormal, and from the normal, frames may be that are given
 
 ProgressFn = Callable[[int, int], None]
 
@@ -63,11 +65,28 @@ def active_rows(
     mesh: Mesh, geometry: TraceGeometry, frames: Float[np.ndarray, "v 3 3"] | None, shifts: np.ndarray
 ) -> tuple[np.ndarray, Rows]:
     """Indices of the vertices that have a normal, and their rows; `shifts` (v, r, 2) counts all vertices."""
-    if frames is not None and frames.shape != (len(mesh.vertices), 3, 3):
-        raise ValueError(f"frames have shape {frames.shape}, not ({len(mesh.vertices)}, 3, 3): one frame per vertex")
     active = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
-    chosen = np.asarray(orthonormal_frame(mesh.normals[active])) if frames is None else frames[active]
+    chosen = np.asarray(orthonormal_frame(mesh.normals[active])) if frames is None else _checked(frames, mesh, active)
     return active, Rows(geometry.origins[active], chosen.astype(np.float32), shifts[active])
+
+
+def _checked(frames: object, mesh: Mesh, active: np.ndarray) -> Float[np.ndarray, "a 3 3"]:
+    """The frames of the active vertices. Raises ValueError unless they are orthonormal, the normal last."""
+    given = np.asarray(as_array(frames))
+    if given.shape != (len(mesh.vertices), 3, 3) or not is_real(given):
+        raise ValueError(
+            f"frames have shape {given.shape} {given.dtype}, not ({len(mesh.vertices)}, 3, 3): one frame per vertex"
+        )
+    chosen = given[active].astype(np.float64)
+    square = np.einsum("aij,aik->ajk", chosen, chosen)
+    upright = np.abs(chosen[..., 2] - mesh.normals[active]).max(axis=1) < FRAME
+    good = (np.abs(square - np.eye(3)).max(axis=(1, 2)) < FRAME) & upright
+    if not good.all():
+        raise ValueError(
+            f"{np.sum(~good)} of the frames (first: {active[np.argmin(good)]}) are not orthonormal, the normal last: "
+            "give tangent, bitangent and normal as columns"
+        )
+    return chosen
 
 
 def chunk_size(count: int, rays: int) -> int:

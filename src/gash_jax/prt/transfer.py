@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.arguments import ArrayLike
+from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
 from gash_jax.files.containers import Container, array_names
@@ -63,6 +63,7 @@ class Transfer(Container):
     bands: int = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", transfer_coefficients(self.coefficients))
         self._set(bands_of(self.coefficients.shape[1]))
 
     @property
@@ -90,14 +91,14 @@ def transfer_coefficients(transfer: TransferLike) -> Float[Array | np.ndarray, "
     axis of 3 for red, green and blue, and real numbers."""
     if isinstance(transfer, Transfer):
         return transfer.coefficients
-    found = transfer if isinstance(transfer, np.ndarray | Array) else np.asarray(transfer)
-    if found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or found.dtype.kind not in "fiu":
+    found = as_array(transfer)
+    if found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or not is_real(found):
         raise ValueError(
             f"transfer has shape {found.shape} {found.dtype}, not (vertices, bands^2[, 3]) of real numbers: "
             "give what a bake or a model returns"
         )
     bands_of(found.shape[1])
-    return found if found.dtype.kind == "f" else found.astype(np.float32)
+    return found.astype(np.float32) if found.dtype.kind in "iu" else found
 
 
 @cache
@@ -130,6 +131,8 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
     >>> sorted(np.load("bunny.npz").files)
     ['coefficients', 'faces', 'metadata', 'normals', 'standard_error', 'vertices']
     """
+    if not isinstance(transfer, Transfer):
+        raise FileError(f"a {type(transfer).__name__} is no Transfer: give a path, then what a bake or a model returns")
     arrays = {}
     for name in array_names(Transfer):
         value = getattr(transfer, name)

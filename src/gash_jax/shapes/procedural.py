@@ -6,11 +6,12 @@ cubes, local refinement, decimation, long thin triangles) and the pose (bent, tw
 Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.algebra.arguments import WholeNumber, as_array, shown, whole_number
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, RawMesh
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
@@ -127,19 +128,25 @@ def shape_kind(seed: int, index: int) -> str:
     return SHAPE_KINDS[int(np.random.default_rng([seed, 0, block]).permutation(len(SHAPE_KINDS))[place])]
 
 
-def make_shape(seed: int, index: int, vertices: tuple[int, int] = (1000, 4000)) -> tuple[str, Mesh]:
+def make_shape(
+    seed: WholeNumber, index: WholeNumber, vertices: Sequence[WholeNumber] | np.ndarray = (1000, 4000)
+) -> tuple[str, Mesh]:
     """Shape number `index` of the corpus `seed`: its kind and its mesh, the same in every process.
 
     The vertex count is drawn log-uniformly from the range and met to about 30 %. Half of the shapes are turned
-    freely, the others stand along the axes in one of 24 ways.
+    freely, the others stand along the axes in one of 24 ways. Raises ValueError for a range that is none.
 
     >>> kind, mesh = gash_jax.make_shape(0, 5, vertices=(200, 300))
     >>> mesh.faces.shape[1]
     3
     """
+    seed, index = whole_number(seed, "seed", 0), whole_number(index, "index", 0)
+    span = np.asarray(as_array(vertices))
+    if span.shape != (2,) or span.dtype.kind not in "iu" or not 4 <= span[0] <= span[1]:
+        raise ValueError(f"vertices is {shown(vertices)}: give the lowest and the highest count, 4 or more")
     kind = shape_kind(seed, index)
     rng = np.random.default_rng([seed, 1, index])
-    target = round(float(np.exp(rng.uniform(*np.log(vertices)))))
+    target = round(float(np.exp(rng.uniform(*np.log(span)))))
     surface = retessellated(RECIPES[kind], rng, target)
     rotation = random_rotation(rng) if rng.random() < 0.5 else _axis_rotation(rng)
     mesh, _ = prepare_mesh(moved(surface, rotation).vertices.astype(np.float32), surface.faces.astype(np.int32))

@@ -18,6 +18,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from gash_jax.algebra.arguments import shown
+from gash_jax.files.atomic import as_path
 from gash_jax.files.settings import ConfigError, check_settings, from_dict, near_names, setting
 from gash_jax.models.families import config_from_dict, model_config
 from gash_jax.nn.config import ModelConfig
@@ -94,6 +96,12 @@ class RunConfig:
     optim: OptimConfig = field(default_factory=OptimConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
 
+    def __post_init__(self) -> None:
+        kinds = {"model": ModelConfig, "data": DataConfig, "optim": OptimConfig, "train": TrainConfig}
+        for name, kind in kinds.items():
+            if not isinstance(getattr(self, name), kind):
+                raise ConfigError(f"{name} is no {kind.__name__}: take load_config, and change keys by its overrides")
+
     def to_dict(self) -> dict[str, Any]:
         """Plain nested dictionary, as saved in runs and model files."""
         return asdict(self)
@@ -125,9 +133,9 @@ def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def _assignment(text: str) -> dict[str, Any]:
-    key, equals, raw = text.partition("=")
+    key, equals, raw = text.partition("=") if isinstance(text, str) else ("", "", "")
     if not equals or not key.strip():
-        raise ConfigError(f"{text!r} is not of the form key=value, such as train.seconds=60")
+        raise ConfigError(f"{shown(text)} is not of the form key=value, such as train.seconds=60")
     try:
         value = tomllib.loads(f"value = {raw}")["value"]
     except tomllib.TOMLDecodeError:
@@ -154,7 +162,9 @@ def load_config(name: str | Path, overrides: Iterable[str] = ()) -> RunConfig:
     >>> config.model.channels, config.train.seconds
     (32, 60.0)
     """
-    values = _read(shipped_configs().get(str(name), Path(name)))
+    values = _read(shipped_configs().get(str(name)) or as_path(name))
+    if isinstance(overrides, str) or not isinstance(overrides, Iterable):
+        raise ConfigError(f"overrides are {shown(overrides)}: give a list, such as ['train.seconds=60']")
     for text in overrides:
         values = _merge(values, _assignment(text))
     return run_from_dict(values)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.settings import ConfigError
 from gash_jax.models.examples import Item, WholeShapes
 from gash_jax.models.families import family_of, make_examples
@@ -37,6 +38,11 @@ def run_config(
     >>> gash_jax.load_model(path).config.name
     'mlp'
     """
+    if not isinstance(config, RunConfig):
+        raise ConfigError(f"a {type(config).__name__} is no config: give what load_config returns")
+    folder = as_path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"{folder} is no folder: name one for the run, which need not exist")
     teacher = load_model(config.train.teacher) if config.train.teacher else None
     start = _start(config)
     items, validation = training_items(config, progress)

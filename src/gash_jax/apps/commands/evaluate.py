@@ -28,7 +28,7 @@ def evaluate(
     """Hold the model of RUN (or a weights file) against reference bakes of every MESH."""
     if output:
         check_writable(output, [run, run / "model.npz", *(file for mesh in meshes for file in mesh_files(mesh))])
-    model = load_model(run / "model.npz" if run.is_dir() else run)
+    model = load_model(run)
     rows = []
     with progress_bar(f"{len(meshes)} meshes", quiet) as update:
         for step, path in enumerate(meshes):

@@ -4,9 +4,18 @@ from typing import Any
 
 import numpy as np
 from jax import Array
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
-from gash_jax.algebra.arguments import ArrayLike, RealNumber, WholeNumber, whole_number
+from gash_jax.algebra.arguments import (
+    ArrayLike,
+    RealNumber,
+    WholeNumber,
+    as_array,
+    is_real,
+    real_number,
+    shown,
+    whole_number,
+)
 from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.formats.meshes import as_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -37,13 +46,24 @@ def render(
     >>> image.shape, image.dtype
     ((64, 64, 3), dtype('uint8'))
     """
-    if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
-        raise ValueError(f"exposure is {exposure!r}: use a number above 0, or None to choose one from the picture")
+    factor = real_number(exposure)
+    if exposure is not None and not (factor and factor > 0):
+        raise ValueError(f"exposure is {shown(exposure)}: use a number above 0, or None to choose one from the picture")
     mesh, size = drawn_mesh(transfer), whole_number(size, "size", 16, 4096)
     turned = light if rotation is None else rotate_light(light, rotation)
-    radiance = np.asarray(shade(transfer, turned, albedo), np.float32)
+    radiance = finite_radiance(transfer, turned, albedo)
     picture = shade_view(cast_view(mesh, checked_camera(camera), size), radiance)
-    return to_srgb(*picture, exposure_for([picture]) if exposure is None else float(exposure))
+    return to_srgb(*picture, factor or exposure_for([picture]))
+
+
+def finite_radiance(
+    transfer: Transfer, light: LightLike, albedo: ArrayLike | Array | None = None
+) -> Float[np.ndarray, "v 3"]:
+    """Radiance of every vertex, as `shade` gives it. Raises ValueError where it cannot be drawn."""
+    radiance = np.asarray(shade(transfer, light, albedo), np.float32)
+    if not np.isfinite(radiance).all():
+        raise ValueError("the relit radiance is not finite: look for nan and inf in the transfer, light and albedo")
+    return radiance
 
 
 def drawn_mesh(transfer: Any) -> Mesh:
@@ -58,9 +78,10 @@ def checked_camera(camera: Any) -> Camera:
     """A view's name, or two finite angles. Raises ValueError for anything else."""
     if isinstance(camera, str) and camera in VIEWS:
         return camera
-    angles = np.asarray(camera) if not isinstance(camera, str) else np.zeros(0)
-    if angles.shape != (2,) or angles.dtype.kind not in "fiu" or not np.isfinite(angles).all() or abs(angles[1]) >= 90:
+    angles = as_array(camera)
+    if angles.shape != (2,) or not is_real(angles) or not np.isfinite(angles).all() or abs(angles[1]) >= 90:
         raise ValueError(
-            f"camera is {camera!r}: use {', '.join(VIEWS)}, or (azimuth, elevation) in degrees, elevation within 90"
+            f"camera is {shown(camera)}: use {', '.join(VIEWS)}, or (azimuth, elevation) in degrees, "
+            "elevation within 90"
         )
     return float(angles[0]), float(angles[1])

@@ -8,10 +8,9 @@ from jaxtyping import Float
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from gash_jax.apps.pictures.render import drawn_mesh
+from gash_jax.apps.pictures.render import drawn_mesh, finite_radiance
 from gash_jax.apps.pictures.views import Hit, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.light.environment import LightLike, project_light
-from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
 from gash_jax.prt.transfer import Transfer
 
@@ -53,7 +52,7 @@ def show(transfer: Transfer, light: LightLike | None = None) -> Figure:
     """
     mesh = drawn_mesh(transfer)
     light = project_light(studio_light(), transfer.bands) if light is None else light
-    radiance = np.asarray(shade(transfer, light), np.float32)
+    radiance = finite_radiance(transfer, light)
     hits = {view: cast_view(mesh, view, SIZE) for view in RELIT}
     relit = {view: shade_view(hit, radiance) for view, hit in hits.items()}
     exposure, maps = exposure_for(list(relit.values())), _maps(transfer)
