@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from gash_jax.apps.cli import gash
-from gash_jax.formats.exr import read_exr
-from gash_jax.formats.hdr import LightError, read_hdr, write_hdr
+from gash_jax.formats.exr import open_exr
+from gash_jax.formats.hdr import LightError, open_hdr, write_hdr
 from gash_jax.formats.meshes import save_mesh
 from gash_jax.light.environment import load_light
 from gash_jax.light.studio import studio_light
@@ -51,7 +51,7 @@ def window(left: int, top: int, right: int, bottom: int) -> tuple[np.ndarray, np
 def test_lossless_codings_return_every_value(tmp_path: Path, compression: str, dtype: type, tiled: bool) -> None:
     header = {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if tiled else {}
     image = IMAGE.astype(dtype)
-    found = read_exr(write(tmp_path / "map.exr", rgb(image), compression, **header))
+    found = open_exr(write(tmp_path / "map.exr", rgb(image), compression, **header)).radiance
     assert found.dtype == np.float32 and found.shape == (33, 70, 3)
     np.testing.assert_array_equal(found, image.astype(np.float32))
 
@@ -59,26 +59,26 @@ def test_lossless_codings_return_every_value(tmp_path: Path, compression: str, d
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
 @pytest.mark.parametrize("compression", LOSSY)
 def test_lossy_codings_return_nearly_every_value(tmp_path: Path, compression: str, dtype: type) -> None:
-    found = read_exr(write(tmp_path / "map.exr", rgb(IMAGE.astype(dtype)), compression))
+    found = open_exr(write(tmp_path / "map.exr", rgb(IMAGE.astype(dtype)), compression)).radiance
     np.testing.assert_allclose(found, IMAGE, rtol=0.02)  # B44 keeps 6 bits of a difference inside 4 x 4 pixels
 
 
 def test_types_may_differ_between_channels(tmp_path: Path) -> None:
     channels = rgb(PLACES)
     channels |= {"R": channels["R"].astype(np.float16), "B": channels["B"].astype(np.uint32)}
-    np.testing.assert_array_equal(read_exr(write(tmp_path / "map.exr", channels)), PLACES)
+    np.testing.assert_array_equal(open_exr(write(tmp_path / "map.exr", channels)).radiance, PLACES)
 
 
 def test_the_largest_values_of_each_type(tmp_path: Path) -> None:
     for dtype, largest in ((np.float16, 65504.0), (np.float32, 3e38), (np.uint32, 4294967295)):
         image = np.full((1, 1, 3), largest, dtype)
-        assert (read_exr(write(tmp_path / "map.exr", rgb(image))) == np.float32(largest)).all()
+        assert (open_exr(write(tmp_path / "map.exr", rgb(image))).radiance == np.float32(largest)).all()
 
 
 @pytest.mark.parametrize("order", [OpenEXR.INCREASING_Y, OpenEXR.DECREASING_Y])
 def test_row_0_is_up_whatever_the_line_order(tmp_path: Path, order: Any) -> None:
     path = write(tmp_path / "map.exr", rgb(PLACES), "NO", lineOrder=order)
-    np.testing.assert_array_equal(read_exr(path)[:, :, 0], PLACES[:, :, 0])
+    np.testing.assert_array_equal(open_exr(path).radiance[:, :, 0], PLACES[:, :, 0])
     up = np.zeros((16, 32, 3), np.float32)
     up[0] = 1.0
     write(tmp_path / "up.exr", rgb(up), lineOrder=order)
@@ -91,7 +91,7 @@ def test_the_hdr_route_gives_the_same_image_and_the_same_light(tmp_path: Path) -
     image = studio_light(32).astype(np.float32)
     write_hdr(tmp_path / "map.hdr", image)
     write(tmp_path / "map.exr", rgb(image))
-    exr, hdr = read_exr(tmp_path / "map.exr"), read_hdr(tmp_path / "map.hdr")
+    exr, hdr = open_exr(tmp_path / "map.exr").radiance, open_hdr(tmp_path / "map.hdr").radiance
     assert exr.shape == hdr.shape and exr.dtype == hdr.dtype
     step = image.max(axis=-1, keepdims=True) * 2.0**-8  # RGBE: half a step of the shared exponent
     assert (np.abs(exr - hdr) <= step * (1 + 1e-6)).all()
@@ -102,7 +102,10 @@ def test_the_hdr_route_gives_the_same_image_and_the_same_light(tmp_path: Path) -
 
 
 def test_a_real_map_is_its_hdr_twin() -> None:
-    exr, hdr = (read_exr(shared_file("hdr/grace_latlong.exr")), read_hdr(shared_file("hdr/grace_latlong.hdr")))
+    exr, hdr = (
+        open_exr(shared_file("hdr/grace_latlong.exr")).radiance,
+        open_hdr(shared_file("hdr/grace_latlong.hdr")).radiance,
+    )
     assert exr.shape == hdr.shape == (512, 1024, 3)
     brightest = hdr.max(axis=-1, keepdims=True)
     assert (exr >= hdr).all() and (exr - hdr <= brightest * 2.0**-7).all()  # the twin's mantissas were cut, not rounded
@@ -142,12 +145,12 @@ def test_light_and_render_take_either_map(tmp_path: Path, monkeypatch: pytest.Mo
 )
 def test_plain_colour_comes_first_and_alone(tmp_path: Path, extra: dict[str, float]) -> None:
     others = {name: np.full((4, 8), value, np.float32) for name, value in extra.items()}
-    np.testing.assert_array_equal(read_exr(write(tmp_path / "map.exr", rgb(PLACES) | others)), PLACES)
+    np.testing.assert_array_equal(open_exr(write(tmp_path / "map.exr", rgb(PLACES) | others)).radiance, PLACES)
 
 
 def test_grey_is_all_three_colours(tmp_path: Path) -> None:
     channels = {"Y": PLACES[..., 1].copy(), "A": np.ones((4, 8), np.float32)}
-    found = read_exr(write(tmp_path / "map.exr", channels | rgb(PLACES, prefix="other.")))
+    found = open_exr(write(tmp_path / "map.exr", channels | rgb(PLACES, prefix="other."))).radiance
     np.testing.assert_array_equal(found, np.repeat(PLACES[..., 1:2], 3, axis=-1))
 
 
@@ -155,7 +158,7 @@ def test_grey_is_all_three_colours(tmp_path: Path) -> None:
 def test_the_only_layer_with_colour_is_read(tmp_path: Path, prefix: str, names: str) -> None:
     others = {"N.X": PLACES[..., 2], "N.Y": PLACES[..., 2], "N.Z": PLACES[..., 2], "Z.V": PLACES[..., 2]}
     others = {name: value.copy() for name, value in others.items()}
-    found = read_exr(write(tmp_path / "map.exr", rgb(PLACES, names, prefix) | others))
+    found = open_exr(write(tmp_path / "map.exr", rgb(PLACES, names, prefix) | others)).radiance
     np.testing.assert_array_equal(found, PLACES)
 
 
@@ -174,13 +177,13 @@ def test_the_only_layer_with_colour_is_read(tmp_path: Path, prefix: str, names: 
 )
 def test_the_display_window_is_the_picture(tmp_path: Path, data: tuple, display: tuple, expected: np.ndarray) -> None:
     path = write(tmp_path / "map.exr", rgb(PLACES), dataWindow=window(*data), displayWindow=window(*display))
-    np.testing.assert_array_equal(read_exr(path), expected)
+    np.testing.assert_array_equal(open_exr(path).radiance, expected)
 
 
 def test_the_first_part_with_colour_is_read(tmp_path: Path) -> None:
     parts = [part("depth", {"Z": PLACES[..., 2].copy()}), part("a", rgb(PLACES)), part("b", rgb(PLACES + 1))]
     OpenEXR.File(parts).write(str(tmp_path / "map.exr"))
-    np.testing.assert_array_equal(read_exr(tmp_path / "map.exr"), PLACES)
+    np.testing.assert_array_equal(open_exr(tmp_path / "map.exr").radiance, PLACES)
 
 
 def deep(path: Path) -> Path:
@@ -240,7 +243,7 @@ def test_subsampled_colour_is_refused(tmp_path: Path) -> None:
     channels = {name: OpenEXR.Channel(half, 2, 2) for name in "RGB"}
     write(tmp_path / "map.exr", channels, dataWindow=window(0, 0, 7, 3), displayWindow=window(0, 0, 7, 3))
     with pytest.raises(LightError, match="subsampled"):
-        read_exr(tmp_path / "map.exr")
+        open_exr(tmp_path / "map.exr")
 
 
 @pytest.mark.parametrize("compression", ["NO", "ZIP", "PIZ", "DWAA"])
@@ -251,7 +254,7 @@ def test_a_file_cut_anywhere_is_refused_and_nothing_else_is_printed(
     for end in [*range(4, 500, 31), *range(500, len(data), len(data) // 20), len(data) - 1]:
         (tmp_path / "cut.exr").write_bytes(data[:end])
         with pytest.raises(LightError, match="truncated or damaged.* fetch it again"):
-            read_exr(tmp_path / "cut.exr")
+            open_exr(tmp_path / "cut.exr")
     assert capfd.readouterr() == ("", "")
 
 
@@ -260,9 +263,9 @@ def test_only_the_part_that_is_read_must_be_whole(tmp_path: Path) -> None:
     for name, parts in (("last.exr", [depth, colour]), ("first.exr", [colour, depth])):
         OpenEXR.File(parts).write(str(tmp_path / name))
         (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-20])
-    np.testing.assert_array_equal(read_exr(tmp_path / "first.exr"), PLACES)
+    np.testing.assert_array_equal(open_exr(tmp_path / "first.exr").radiance, PLACES)
     with pytest.raises(LightError, match="truncated"):
-        read_exr(tmp_path / "last.exr")
+        open_exr(tmp_path / "last.exr")
 
 
 def test_nothing_breaks_on_damaged_bytes(tmp_path: Path) -> None:
@@ -271,7 +274,7 @@ def test_nothing_breaks_on_damaged_bytes(tmp_path: Path) -> None:
         assert old in data
         (tmp_path / "map.exr").write_bytes(data.replace(old, new))
         with pytest.raises(LightError, match="OpenEXR cannot read it"):
-            read_exr(tmp_path / "map.exr")
+            open_exr(tmp_path / "map.exr")
     rng = np.random.default_rng(1)
     refused = 0
     for _ in range(200):
@@ -279,7 +282,7 @@ def test_nothing_breaks_on_damaged_bytes(tmp_path: Path) -> None:
         damaged[rng.integers(4, len(data))] = rng.integers(256)
         (tmp_path / "map.exr").write_bytes(damaged)
         try:
-            assert read_exr(tmp_path / "map.exr").ndim == 3
+            assert open_exr(tmp_path / "map.exr").radiance.ndim == 3
         except LightError as error:
             assert "\n" not in str(error)
             refused += 1

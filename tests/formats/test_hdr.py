@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gash_jax.formats.hdr import LightError, read_hdr, write_hdr
+from gash_jax.formats.hdr import LightError, open_hdr, write_hdr
 from tests.helpers.shared_data import shared_file
 
 GREY = bytes([128, 128, 128, 129])  # 128 * 2^(129 - 136) = 1
@@ -22,7 +22,7 @@ def picture(pixels: bytes, axes: str = "-Y 1 +X 2", lines: str = "FORMAT=32-bit_
 def read(tmp_path: Path, data: bytes) -> np.ndarray:
     path = tmp_path / "map.hdr"
     path.write_bytes(data)
-    return read_hdr(path)
+    return open_hdr(path).radiance
 
 
 def test_flat_pixels_by_hand(tmp_path: Path) -> None:
@@ -84,18 +84,18 @@ def test_what_was_written_is_read_to_half_a_step(tmp_path: Path, shape: tuple[in
     image = np.exp(rng.normal(scale=4, size=(*shape, 3)))
     image[0, : shape[1] // 2] = 7.5  # runs
     write_hdr(tmp_path / "map.hdr", image)
-    again = read_hdr(tmp_path / "map.hdr")
+    again = open_hdr(tmp_path / "map.hdr").radiance
     assert again.shape == image.shape
     assert (np.abs(again - image) <= image.max(axis=-1, keepdims=True) * 2.0**-8 * (1 + 1e-6)).all()
     write_hdr(tmp_path / "again.hdr", again)
-    np.testing.assert_array_equal(read_hdr(tmp_path / "again.hdr"), again)
+    np.testing.assert_array_equal(open_hdr(tmp_path / "again.hdr").radiance, again)
 
 
 def test_extremes_are_written(tmp_path: Path) -> None:
     values = np.array([0.0, 1e-45, 2.0**-126, 0.99999, 255.9999, 1.6e38])
     write_hdr(tmp_path / "map.hdr", np.repeat(values[None, :, None], 3, axis=2))
     np.testing.assert_allclose(
-        read_hdr(tmp_path / "map.hdr")[0, :, 0], np.where(values < 1e-40, 0, values), rtol=2.0**-8
+        open_hdr(tmp_path / "map.hdr").radiance[0, :, 0], np.where(values < 1e-40, 0, values), rtol=2.0**-8
     )
 
 
@@ -109,7 +109,7 @@ def test_run_length_coding_returns_every_line(
     image = np.repeat(values, run)[:width][None, :, None] * np.ones(3)
     path = tmp_path_factory.mktemp("runs") / "map.hdr"
     write_hdr(path, image)
-    np.testing.assert_array_equal(read_hdr(path), image)
+    np.testing.assert_array_equal(open_hdr(path).radiance, image)
 
 
 def test_a_constant_map_is_small(tmp_path: Path) -> None:
@@ -150,9 +150,9 @@ def test_broken_files_are_refused_in_one_line(tmp_path: Path, data: bytes, words
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
     with pytest.raises(LightError, match="no such file"):
-        read_hdr(tmp_path / "none.hdr")
+        open_hdr(tmp_path / "none.hdr")
     with pytest.raises(LightError, match="is a folder"):
-        read_hdr(tmp_path)
+        open_hdr(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -175,6 +175,6 @@ def test_bad_images_are_not_written(tmp_path: Path, image: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("name", "peak"), [("grace_256", 3504), ("venice_sunset_1k", 6496)])
 def test_real_maps(name: str, peak: float) -> None:
-    image = read_hdr(shared_file(f"hdr/{name}.hdr"))
+    image = open_hdr(shared_file(f"hdr/{name}.hdr")).radiance
     assert image.shape[1] == 2 * image.shape[0]
     assert image.max() == pytest.approx(peak, abs=0.5)

@@ -12,7 +12,7 @@ import gash_jax
 from gash_jax.algebra.sh import sh_components
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import write_npz
-from gash_jax.formats.hdr import LightError, read_hdr, write_hdr
+from gash_jax.formats.hdr import LightError, open_hdr, write_hdr
 from gash_jax.light.environment import (
     Light,
     light_metadata,
@@ -147,7 +147,7 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def test_grace_cathedral_table_is_reproduced() -> None:
-    image = 10 * read_hdr(shared_file("hdr/grace_latlong.hdr"))
+    image = 10 * open_hdr(shared_file("hdr/grace_latlong.hdr")).radiance
     found = rotate_light(project_map(image, 3), np.diag([1.0, -1.0, -1.0]))
     assert relative(np.asarray(found), table("grace_cathedral")) < 0.0056
     assert relative(project_map(image, 3), table("grace_cathedral")) > 0.5  # the axes matter
@@ -155,7 +155,7 @@ def test_grace_cathedral_table_is_reproduced() -> None:
 
 def test_uffizi_table_is_reproduced() -> None:
     """The table is of a mirrored frame: the flux of every pixel is projected on mapped directions."""
-    image = read_hdr(shared_file("hdr/uffizi_256.hdr")) / 10
+    image = open_hdr(shared_file("hdr/uffizi_256.hdr")).radiance / 10
     height, width = image.shape[:2]
     mirrored = basis(pixel_directions(height, width)[..., ::-1], 3)
     found = np.einsum("hwk,hwc,h->kc", mirrored, image, pixel_solid_angles(height, width))

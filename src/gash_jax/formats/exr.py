@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import OpenEXR
-from jaxtyping import Float, Shaped
+from jaxtyping import Shaped
 
 from gash_jax.formats.picture import FORMATS, MOST_PIXELS, LightError, Picture, read_bytes, without_negatives
 from gash_jax.formats.primaries import in_rec_709
@@ -31,11 +31,6 @@ _ENVMAP_NOTE = (
     "map here, centre -z: turn the light by 180 degrees about y if the file means it"
 )
 _DEEP = (OpenEXR.deepscanline, OpenEXR.deeptile)
-
-
-def read_exr(path: str | Path) -> Float[np.ndarray, "h w 3"]:
-    """Linear radiance of an OpenEXR picture, float32, top row first, left pixel first. Raises LightError."""
-    return open_exr(path).radiance
 
 
 def open_exr(path: str | Path) -> Picture:

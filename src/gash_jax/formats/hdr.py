@@ -24,11 +24,6 @@ _MAGIC = re.compile(rb"#\?(RADIANCE|RGBE)[^\r\n]*(\r\n|\n|\r)", re.IGNORECASE)
 _AXES = re.compile(rb"([+-])([XY]) (\d+) ([+-])([XY]) (\d+)")
 
 
-def read_hdr(path: str | Path) -> Float[np.ndarray, "h w 3"]:
-    """Linear radiance of a Radiance picture, float32, top row first, left pixel first. Raises LightError."""
-    return open_hdr(path).radiance
-
-
 def open_hdr(path: str | Path, progress: Progress | None = None) -> Picture:
     """A Radiance picture, with a note where its colours were converted; `progress(done, total)` counts its lines.
 
