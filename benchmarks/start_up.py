@@ -1,4 +1,4 @@
-"""Seconds of whole `gash` processes, from a cold and from a warm start: `.venv/bin/python benchmarks/start_up.py MESH`.
+"""Seconds of whole `gash` processes, cold and warm: `.venv/bin/python -m benchmarks.start_up MESH`.
 
 A cold start finds an empty folder of compiled programs, a warm one what an earlier process left there; Python's own
 byte code is there in both. The yardsticks are an interpreter that does nothing and one that imports JAX. Wall and CPU

@@ -50,6 +50,14 @@ def speed_table(result: dict[str, Any]) -> str:
     return "\n".join([*lines, "", f"Peak memory of the process {result['peak_mib']:.0f} MiB; {origin(result)}."])
 
 
+def start_up_table(result: dict[str, Any]) -> str:
+    """Whole processes, the first time and from the second time on."""
+    lines = [f"| whole process, {result['mesh']} | first time, seconds | later, seconds |", "|---|--:|--:|"]
+    for name, both in result["seconds"].items():
+        lines.append(f"| `{name}` | {both['cold']['wall']:.2f} | {both['warm']['wall']:.2f} |")
+    return "\n".join([*lines, "", f"Medians of {result['repeats']}; {origin(result)}."])
+
+
 def hard_cases_table(result: dict[str, Any]) -> str:
     """What was measured in every hard case, against its bound."""
     lines = ["| case | measured | result | bound | because of | what you are told |", "|---|---|--:|--:|---|---|"]
@@ -85,6 +93,7 @@ class Table(NamedTuple):
 TABLES = (
     Table("README.md", "DEMO", demo_table, "demo.json"),
     Table("README.md", "SPEED", speed_table, "bake_speed.json"),
+    Table("README.md", "START UP", start_up_table, "start_up.json"),
     Table("README.md", "CORPUS", corpus_table, "corpus_sizes.json"),
     Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
     Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
