@@ -55,6 +55,8 @@ def _run(folder: Path, *arguments: str) -> None:
         ("evaluate weights.npz ball.ply", "ball.ply"),
         ("evaluate weights.npz ball.ply", "weights.npz"),
         ("evaluate run ball.ply", "run/model.npz"),
+        ("predict ball.ply --model run", "run/model.npz"),
+        ("bench ball.ply --model run", "run/model.npz"),
         ("bench ball.ply --model weights.npz", "weights.npz"),
         ("bench ball.ply", "ball.ply"),
     ],

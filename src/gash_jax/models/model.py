@@ -152,14 +152,8 @@ def shipped_models() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
-def load_model(name: str | Path) -> Model:
-    """Load weights that ship with the package by name, or a model file or a run's folder by path.
-
-    Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
-
-    >>> gash_jax.load_model("mlp").config.name
-    'mlp'
-    """
+def model_file(name: str | Path) -> Path:
+    """The file of weights that ship by a name, the file at a path, or that of the run in a folder. Raises FileError."""
     shipped = shipped_models()
     path = shipped.get(str(name)) or as_path(name)
     if not path.exists():
@@ -169,6 +163,18 @@ def load_model(name: str | Path) -> Model:
         path = path / "model.npz"
         if not path.is_file():
             raise FileError(f"no model in the folder {name}: give a weights file, or the folder of a finished run")
+    return path
+
+
+def load_model(name: str | Path) -> Model:
+    """Load weights that ship with the package by name, or a model file or a run's folder by path.
+
+    Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+
+    >>> gash_jax.load_model("mlp").config.name
+    'mlp'
+    """
+    path = model_file(name)
     arrays, metadata = read_npz(path, "model", ())
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")

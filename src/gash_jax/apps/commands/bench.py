@@ -14,19 +14,24 @@ from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import make_reference
-from gash_jax.models.model import Model, load_model
+from gash_jax.models.model import Model, load_model, model_file
 
 
 @click.command(cls=Command, epilog="gash bench bunny.ply --model local -o bench.json")
 @click.argument("mesh", type=PATH)
-@click.option("--model", "models", multiple=True, help="Shipped name or weights file; may be given several times.")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    help="Shipped name, weights file or run; may be given several times.",
+)
 @measuring_options
 def bench(
     mesh: Path, models: tuple[str, ...], rays: int, up: str, output: Path | None, as_json: bool, quiet: bool
 ) -> None:
     """Speed against error on MESH: closed form, plain bakes, networks."""
     if output:
-        check_writable(output, [*mesh_files(mesh), *models])
+        check_writable(output, [*mesh_files(mesh), *map(model_file, models)])
     names = models or ("local",)
     loaded = {name: load_model(name) for name in names}
     surface, _ = read_mesh(mesh, up)

@@ -15,7 +15,7 @@ from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.measure.methods import evaluate_mesh
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import make_reference
-from gash_jax.models.model import load_model
+from gash_jax.models.model import load_model, model_file
 
 
 @click.command(cls=Command, epilog="gash evaluate runs/two-stage bunny.ply spot.ply -o scores.json")
@@ -27,7 +27,7 @@ def evaluate(
 ) -> None:
     """Hold the model of RUN (or a weights file) against reference bakes of every MESH."""
     if output:
-        check_writable(output, [run, run / "model.npz", *(file for mesh in meshes for file in mesh_files(mesh))])
+        check_writable(output, [model_file(run), *(file for mesh in meshes for file in mesh_files(mesh))])
     model = load_model(run)
     rows = []
     with progress_bar(f"{len(meshes)} meshes", quiet) as update:

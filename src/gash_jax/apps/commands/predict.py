@@ -8,14 +8,14 @@ from gash_jax.apps.options import PATH, Command, output_option, quiet_option, up
 from gash_jax.apps.printing import say
 from gash_jax.files.atomic import check_writable
 from gash_jax.formats.meshes import mesh_files, read_mesh
-from gash_jax.models.model import load_model
+from gash_jax.models.model import load_model, model_file
 from gash_jax.prt.transfer import save_transfer
 
 
 @click.command(cls=Command, epilog="gash predict bunny.ply -o predicted.npz --model local")
 @click.argument("mesh", type=PATH)
 @output_option
-@click.option("--model", default="local", show_default=True, help="Name of shipped weights, or a weights file (.npz).")
+@click.option("--model", default="local", show_default=True, help="Shipped name, weights file (.npz) or run folder.")
 @click.option(
     "--ambient", is_flag=True, help="Darken crevices afterwards by geometric ambient occlusion (GNN paper, 4.3.2)."
 )
@@ -23,7 +23,7 @@ from gash_jax.prt.transfer import save_transfer
 @quiet_option
 def predict(mesh: Path, output: Path, model: str, ambient: bool, up: str, quiet: bool) -> None:
     """Predict the transfer of MESH with a network: no rays."""
-    check_writable(output, [*mesh_files(mesh), model])
+    check_writable(output, [*mesh_files(mesh), model_file(model)])
     network = load_model(model)
     surface, health = read_mesh(mesh, up)
     transfer = network.predict(surface)
