@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from gash_jax.algebra.arguments import whole_number
+from gash_jax.algebra.arguments import as_array, is_real, whole_number
 
 MAX_BANDS = 10
 
@@ -38,6 +38,18 @@ def bands_of(count: int) -> int:
     if bands * bands != count or not 1 <= bands <= MAX_BANDS:
         raise ValueError(f"{count} coefficients are no square of bands from 1 to {MAX_BANDS}")
     return bands
+
+
+def radiance_coefficients(value: object) -> Float[Array | np.ndarray, "k 3"]:
+    """Coefficients of light as the array they are. Raises ValueError unless they are (bands^2, 3) real numbers."""
+    found = as_array(value)
+    if found.ndim != 2 or found.shape[1] != 3 or not is_real(found):
+        raise ValueError(
+            f"light has shape {found.shape} {found.dtype}, not (bands^2, 3) real numbers, a column for each of red, "
+            "green and blue: load_light and project_light make such a light"
+        )
+    bands_of(len(found))
+    return found.astype(np.float32) if found.dtype.kind in "iu" else found
 
 
 def band_index(bands: int) -> Int[np.ndarray, " k"]:

@@ -19,8 +19,8 @@ from jax import Array
 from jax.core import Tracer
 from jaxtyping import Float, Shaped
 
-from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, is_real, proper_rotation
-from gash_jax.algebra.sh import bands_of, sh_components, validate_bands
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, proper_rotation
+from gash_jax.algebra.sh import bands_of, radiance_coefficients, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.atomic import as_path
 from gash_jax.files.containers import Container
@@ -57,22 +57,15 @@ class Light(Container):
 
 if TYPE_CHECKING:  # wherever a light goes in: the container, or its coefficients (k, 3) as an array of NumPy or JAX
     LightLike: TypeAlias = Light | ArrayLike | Array
-else:  # what does not fit is refused below, in words
+else:  # what does not fit is refused in words
     LightLike = Any
 
 
 def light_coefficients(light: LightLike) -> Float[Array | np.ndarray, "k 3"]:
-    """Coefficients of a light, as the array they are. Raises LightError unless they are (bands^2, 3) real numbers."""
+    """Coefficients of a light, as the array they are. Raises ValueError unless they are (bands^2, 3) real numbers."""
     if isinstance(light, Light):
         return light.coefficients
-    found = as_array(light)
-    if found.ndim != 2 or found.shape[1] != 3 or not is_real(found):
-        raise LightError(
-            f"light has shape {found.shape} {found.dtype}, not (bands^2, 3) real numbers, a column for each of red, "
-            "green and blue: load_light and project_light make such a light"
-        )
-    bands_of(len(found))
-    return found.astype(np.float32) if found.dtype.kind in "iu" else found
+    return radiance_coefficients(light)
 
 
 def project_light(image: ArrayLike | Array, bands: WholeNumber = 3, layout: str | None = None) -> Light:

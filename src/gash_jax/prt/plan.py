@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import RealNumber, WholeNumber, as_array, is_real, whole_number
-from gash_jax.algebra.sh import bands_of, validate_bands
+from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
+from gash_jax.algebra.sh import radiance_coefficients, validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.error_target import check_error, run_rounds
@@ -104,10 +104,7 @@ def plan_bake(
 
 def _light(light: Any) -> Float[np.ndarray, "k 3"]:
     """Coefficients of a light, which is a container or an array."""
-    found = np.asarray(as_array(getattr(light, "coefficients", light)))
-    if found.ndim != 2 or found.shape[1] != 3 or not is_real(found):
-        raise ValueError(f"light has shape {found.shape} {found.dtype}: give what load_light returns, or (bands^2, 3)")
+    found = np.asarray(radiance_coefficients(getattr(light, "coefficients", light)))
     if not np.isfinite(found).all():
         raise ValueError("the light holds values that are not finite: project its map again")
-    bands_of(len(found))
     return found.astype(np.float32)
