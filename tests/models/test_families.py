@@ -18,7 +18,7 @@ from gash_jax.models.families import (
     model_config,
     model_graph,
 )
-from tests.helpers.bumpy import bumpy_mesh, network_inputs
+from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -111,7 +111,7 @@ def test_every_encoding_is_read_and_gives_finite_gradients(name: str, encoding: 
     config = model_config(name, **small, **({"visibility_channels": 8} if name == "two-stage" else {}))
     graph = model_graph(config, bumpy_mesh(20))
     module = build_model(config)
-    variables = jax.jit(module.init)(jax.random.key(0), graph)
+    variables = random_variables(module, graph)
     gradient = jax.jit(jax.grad(lambda v: jnp.sum(jnp.asarray(module.apply(v, graph)) ** 2)))(variables)
     sizes = jax.tree.map(lambda leaf: float(jnp.abs(leaf).max()), gradient)
     assert all(np.isfinite(size) for size in jax.tree.leaves(sizes)) and max(jax.tree.leaves(sizes)) > 0

@@ -10,8 +10,9 @@ import pytest
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.motors import motor, rotor_from_normal, rotor_to_matrix
 from gash_jax.algebra.sh_rotation import rotate_coefficients
-from gash_jax.models.families import build_model, config_from_file, model_config
+from gash_jax.models.families import build_model, config_from_file, model_config, model_graph
 from gash_jax.nn.output import FRAMES, world_coefficients
+from tests.helpers.bumpy import bumpy_mesh, network_inputs
 
 NORMALS = np.array([[0, 1, 0], [1, 0, 0], [0.6, 0, -0.8], [0, -1, 0], [0, 0, 0], [2e-4, -1, 0]], np.float32)
 NORMALS[5] /= np.linalg.norm(NORMALS[5])
@@ -93,3 +94,15 @@ def test_families_take_the_settings_and_old_files_have_the_first_reading(name: s
     assert (end.frame, end.residual) == ("vertex", True)
     with pytest.raises(ValueError, match="one of mixed, world, vertex"):
         model_config(name, frame="camera")
+
+
+@pytest.mark.parametrize("name", ["mlp", "teacher"])
+def test_a_fresh_network_starts_at_zero_or_at_the_closed_form(name: str) -> None:
+    small: dict[str, Any] = {"channels": 8, "layers": 1, **({"heads": 2} if name == "teacher" else {})}
+    mesh = bumpy_mesh(30)
+    for residual in (False, True):
+        config = model_config(name, frame="vertex", residual=residual, **small)
+        graph = network_inputs(model_graph(config, mesh))
+        said: Any = jax.jit(lambda g, m=build_model(config): m.init_with_output(jax.random.key(0), g)[0])(graph)
+        expected = np.asarray(unshadowed_transfer(mesh.normals, 3)) if residual else np.zeros((30, 9))
+        np.testing.assert_allclose(said, expected, atol=1e-7)

@@ -42,7 +42,7 @@ class MLP(nn.Module):
         x = vertex_inputs(graph, self.encoding)
         for i in range(self.layers):
             x = nn.relu(nn.Dense(self.channels, name=f"dense_{i}")(x))
-        x = nn.Dense(self.bands**2, name="head")(x)
+        x = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros, name="head")(x)
         return world_coefficients(x, node_arrays(graph), self.frame, self.residual)
 
 

@@ -121,7 +121,7 @@ class CoefficientNet(nn.Module):
         for i in range(self.layers):
             y = GATv2Conv(self.channels // self.heads, self.heads, block, name=f"conv_{i}")(x, *ends, edges=motors)
             x = x + nn.Dropout(self.dropout, name=f"dropout_{i}")(nn.relu(y), deterministic=deterministic)
-        x = nn.Dense(self.bands**2, name="head")(x)
+        x = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros, name="head")(x)
         return world_coefficients(x, nodes, self.frame, self.residual)
 
 
