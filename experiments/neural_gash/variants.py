@@ -9,7 +9,8 @@ from pathlib import Path
 
 from gash_jax.train.config import RunConfig, load_config
 
-SUBSET = ["data.shapes=64", "train.seconds=300", "train.clock=cpu", "train.batch_vertices=10752", "train.checkpoint_every=100"]
+BUDGET = ["train.seconds=300", "train.clock=cpu", "train.checkpoint_every=100"]
+SUBSET = ["data.shapes=64", "train.batch_vertices=10752", *BUDGET]
 # strategy (i) of the paper is a deeper network *and* more data
 ENRICHED = ["data.shapes=432"]
 # the teacher comes before its students

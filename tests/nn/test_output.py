@@ -102,7 +102,7 @@ def test_a_fresh_network_starts_at_zero_or_at_the_closed_form(name: str) -> None
     mesh = bumpy_mesh(30)
     for residual in (False, True):
         config = model_config(name, frame="vertex", residual=residual, **small)
-        graph = network_inputs(model_graph(config, mesh))
-        said: Any = jax.jit(lambda g, m=build_model(config): m.init_with_output(jax.random.key(0), g)[0])(graph)
+        module: Any = build_model(config)
+        said, _ = jax.jit(module.init_with_output)(jax.random.key(0), network_inputs(model_graph(config, mesh)))
         expected = np.asarray(unshadowed_transfer(mesh.normals, 3)) if residual else np.zeros((30, 9))
         np.testing.assert_allclose(said, expected, atol=1e-7)

@@ -164,7 +164,7 @@ def test_a_step_that_overflows_half_precision_changes_only_the_scale() -> None:
     batch = _batch()
     state, _ = _step(run, batch)
     huge = jax.tree.map(lambda leaf: leaf, state.params)
-    huge["coefficient"]["head"]["kernel"] = huge["coefficient"]["head"]["kernel"] * 1e6  # beyond 65504
+    huge["coefficient"]["head"]["kernel"] = jnp.full_like(huge["coefficient"]["head"]["kernel"], 1e6)  # over 65504
     state, (params, moments, scale, _) = _step(run, batch, half=True, params=huge)
     assert float(scale.scale) == float(state.scale.scale) / 2
     jax.tree.map(np.testing.assert_array_equal, (params, moments), (state.params, state.optimizer))
