@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
     from gash_jax.prt.plan import plan_bake
+    from gash_jax.prt.rotation import rotate_transfer
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
     from gash_jax.shapes.procedural import make_shape
     from gash_jax.train.config import RunConfig, load_config
@@ -59,6 +60,7 @@ _HOMES = {
     "prt.error_target": ("bake_to_error",),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
+    "prt.rotation": ("rotate_transfer",),
     "light.shading": ("shade",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
@@ -93,6 +95,7 @@ __all__ = [
     "read_mesh",
     "render",
     "rotate_light",
+    "rotate_transfer",
     "rotor_from_normal",
     "rotor_to_matrix",
     "run_config",

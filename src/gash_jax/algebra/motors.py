@@ -197,13 +197,38 @@ def rotor_to_matrix(rotor: Multivector) -> Float[Array, "... 3 3"]:
     >>> (gash_jax.rotor_to_matrix(rotor) @ np.array([0.0, 1.0, 0.0])).round(6).tolist()
     [1.0, 0.0, 0.0]
     """
-    w, x, y, z = jnp.moveaxis(_quaternion(rotor), -1, 0)
+    return jnp.asarray(quaternion_to_matrix(_quaternion(rotor)))
+
+
+def quaternion_to_matrix(quaternion: Float[Array | np.ndarray, "... 4"]) -> Float[Array | np.ndarray, "... 3 3"]:
+    """Rotation matrix of a unit quaternion (w, x, y, z); NumPy in, NumPy out; JAX in, JAX out."""
+    xp = jnp if isinstance(quaternion, jax.Array) else np
+    w, x, y, z = (quaternion[..., axis] for axis in range(4))
     rows = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
-    return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
+    return xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+@jax.jit
+def turn_vectors(rotor: Multivector, vectors: Points) -> Float[Array, "... 3"]:
+    """Vectors turned by unit rotors, x -> R x ~R; leading shapes broadcast.
+
+    The sandwich written out: of R = w - I u, with u a vector and I = e123, R x ~R = x + w a + u x a, a = 2 u x x. So no
+    matrix is formed, and of the 2 x 1024 products of two geometric products only 18 remain.
+
+    >>> from gash_jax.algebra.motors import rotor_from_normal, turn_vectors
+    >>> turn_vectors(rotor_from_normal(np.array([1.0, 0.0, 0.0])), np.array([0.0, 1.0, 0.0])).round(6).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    quaternion, vectors = _quaternion(rotor), jnp.asarray(vectors)
+    check_last_axis("vectors", vectors, 3)
+    shape = (*jnp.broadcast_shapes(quaternion.shape[:-1], vectors.shape[:-1]), 3)
+    axis, vectors = jnp.broadcast_to(quaternion[..., 1:], shape), jnp.broadcast_to(vectors, shape)
+    across = 2.0 * jnp.cross(axis, vectors)
+    return vectors + jnp.broadcast_to(quaternion[..., :1], shape) * across + jnp.cross(axis, across)
 
 
 @jax.jit

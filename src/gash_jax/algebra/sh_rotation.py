@@ -12,7 +12,8 @@ square linear system with the exact solution
 
 whose inverse is a constant formed in float64. N are approximate Fekete points, so that its condition number is below
 5 in every band. Unlike in a recurrence over l no error accumulates, half turns are nothing special, and the gradients
-with respect to R are those of polynomials. For a rotor or motor use `motors.rotor_to_matrix` first.
+with respect to R are those of polynomials. `rotations.rotation_matrix` gives R of a quaternion, rotor or motor;
+`rotor_quadrature` turns coefficients by rotors without D.
 """
 
 import functools
@@ -109,6 +110,9 @@ def rotate_coefficients(
             f"bands from 1 to {MAX_BANDS} (put colours on a leading axis)"
         )
     rotation = jnp.asarray(rotation)
+    if rotation.ndim == 2 and coefficients.ndim > 1:  # one turn of many: a single product takes a quarter of the time
+        matrix = jax.scipy.linalg.block_diag(*(_block(rotation, band) for band in range(bands)))
+        return jnp.matmul(coefficients, matrix.T, precision="highest")
     parts = [_turn(coefficients[..., band**2 : (band + 1) ** 2], rotation, band) for band in range(bands)]
     shape = parts[-1].shape[:-1]
     return jnp.concatenate([jnp.broadcast_to(part, (*shape, part.shape[-1])) for part in parts], axis=-1)

@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 from jaxtyping import Float, Shaped
 
-from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, proper_rotation
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array
+from gash_jax.algebra.rotations import rotation_matrix, with_rotation
 from gash_jax.algebra.sh import bands_of, radiance_coefficients, sh_components, validate_bands
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.atomic import as_path
@@ -192,10 +193,11 @@ def rotate_light(light: Light, rotation: ArrayLike | Array) -> Light: ...
 @overload
 def rotate_light(light: ArrayLike | Array, rotation: ArrayLike | Array) -> Array: ...
 def rotate_light(light: LightLike, rotation: ArrayLike | Array) -> Light | Array:
-    """The environment turned by a rotation matrix R (3, 3): what came from w comes from R w.
+    """The environment turned by a rotation R: what came from w comes from R w.
 
-    A `Light` for a `Light`, an array for an array; works under jit, vmap and grad. Raises ValueError for what is no
-    proper rotation.
+    `rotation` is a rotation matrix (3, 3), a unit quaternion (w, x, y, z), a rotor (32,) or a motor (32,), whose rotor
+    part counts. A `Light` for a `Light`, with the matrix in `metadata["rotation"]`; an array for an array. Works under
+    jit, vmap and grad. Raises ValueError for what is no proper rotation.
 
     >>> half_turn = np.diag([-1.0, 1.0, -1.0])
     >>> light = gash_jax.load_light("studio.hdr")
@@ -203,12 +205,11 @@ def rotate_light(light: LightLike, rotation: ArrayLike | Array) -> Light | Array
     >>> bool(np.allclose(turned.coefficients[3], -light.coefficients[3], atol=1e-6))
     True
     """
-    if not isinstance(rotation, Tracer):  # its numbers cannot be looked at
-        rotation = proper_rotation(rotation).astype(np.float32)
-    elif rotation.shape != (3, 3):
-        raise ValueError(f"rotation has shape {rotation.shape}: use a rotation matrix (3, 3)")
-    turned = rotate_coefficients(light_coefficients(light).T, rotation).T
-    return light._replace(coefficients=turned) if isinstance(light, Light) else turned
+    matrix = rotation_matrix(rotation)
+    turned = rotate_coefficients(light_coefficients(light).T, jnp.asarray(matrix, jnp.float32)).T
+    if not isinstance(light, Light):
+        return turned
+    return light._replace(coefficients=turned, metadata=with_rotation(light.metadata, matrix))
 
 
 def _load_light_file(path: Path, bands: int) -> Light:

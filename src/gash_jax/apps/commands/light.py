@@ -8,8 +8,9 @@ import numpy as np
 from gash_jax.apps.options import PATH, Command, bands_option, layout_option, output_option, quiet_option
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.rotate_option import rotate_option
 from gash_jax.files.atomic import check_writable
-from gash_jax.light.environment import load_light, save_light
+from gash_jax.light.environment import load_light, rotate_light, save_light
 
 
 @click.command(cls=Command, epilog="gash light studio.hdr -o studio.npz --bands 3")
@@ -17,12 +18,15 @@ from gash_jax.light.environment import load_light, save_light
 @output_option
 @bands_option()
 @layout_option
+@rotate_option
 @quiet_option
-def light(map: Path, output: Path, bands: int, layout: str | None, quiet: bool) -> None:
+def light(map: Path, output: Path, bands: int, layout: str | None, turn: np.ndarray | None, quiet: bool) -> None:
     """Project an environment map (.hdr, .exr) to spherical harmonics."""
     check_writable(output, [map])
     with progress_bar(f"projecting {map.name}", quiet) as update:
         projected = load_light(map, bands, layout, update)
+    if turn is not None:
+        projected = rotate_light(projected, turn)
     save_light(output, projected)
     for note in projected.metadata.get("notes", []):
         say(f"  {note}", quiet)

@@ -10,8 +10,9 @@ from gash_jax.apps.pictures.montage import check_picture, montage, write_picture
 from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.rotate_option import rotate_option
 from gash_jax.files.atomic import check_writable
-from gash_jax.light.environment import load_light
+from gash_jax.light.environment import load_light, rotate_light
 from gash_jax.light.shading import shade
 from gash_jax.prt.transfer import load_transfer
 
@@ -20,6 +21,7 @@ from gash_jax.prt.transfer import load_transfer
 @click.argument("transfer", type=PATH)
 @click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr, .exr) or light (.npz).")
 @layout_option
+@rotate_option
 @output_option
 @click.option(
     "--view",
@@ -36,6 +38,7 @@ def render(
     transfer: Path,
     light_path: Path,
     layout: str | None,
+    turn: np.ndarray | None,
     output: Path,
     views: tuple[str, ...],
     size: int,
@@ -49,6 +52,7 @@ def render(
         light = load_light(light_path, lit.bands, layout, update)
     for note in light.metadata.get("notes", []):
         say(f"  {note}", quiet)
+    light = light if turn is None else rotate_light(light, turn)
     radiance = np.asarray(shade(lit.coefficients, light))
     images = []
     with progress_bar("rendering", quiet) as update:

@@ -36,8 +36,9 @@ def render(
 ) -> UInt8[np.ndarray, "size size 3"]:
     """A picture of the relit mesh, (size, size, 3) in 8-bit sRGB.
 
-    `rotation` (3, 3) turns the light, as `rotate_light` does, and leaves the mesh where it is. `exposure` multiplies
-    the radiance, of which 1 becomes white; None chooses it from the picture: give a number to compare pictures.
+    `rotation` turns the light, in the forms that `rotate_light` takes, and leaves the mesh where it is. `exposure`
+    multiplies the radiance, of which 1 becomes white; None chooses it from the picture: give a number to compare
+    pictures.
     `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
     degrees; the mesh fills the frame. `albedo` is as for `shade`. Raises ValueError for options out of range.
 
