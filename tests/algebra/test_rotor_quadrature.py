@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from experiments.rotation.exact import exact_matrix
 from gash_jax.algebra import cga, motors
 from gash_jax.algebra.rotor_quadrature import rotate_by_rotor, sphere_quadrature
 from gash_jax.algebra.sh import evaluate_sh, sh_components
@@ -29,28 +29,6 @@ def _matrices(rotors: jax.Array, bands: int) -> np.ndarray:
     """The whole D of each rotor by quadrature, (n, k, k): the unit vectors turned."""
     units = np.eye(bands * bands, dtype=np.float32)
     return np.swapaxes(np.asarray(rotate_by_rotor(units, rotors[:, None, :]), np.float64), 1, 2)
-
-
-def _generators(band: int) -> np.ndarray:
-    """Of turns about x, y and z in band l, real (3, 2l+1, 2l+1): -i J of quantum mechanics in the real basis.
-
-    J_z = m and J_x + i J_y is the ladder sqrt((l - m)(l + m + 1)) in the complex basis with Condon-Shortley's sign.
-    """
-    m = np.arange(-band, band + 1)
-    up = np.diag(np.sqrt((band - m[:-1]) * (band + m[:-1] + 1.0)), -1)
-    j = np.stack([(up + up.T) / 2, (up - up.T) / 2j, np.diag(m)])
-    to_real = np.zeros((2 * band + 1, 2 * band + 1), complex)  # rows real m, columns complex m
-    for k in m:
-        sign, s = (-1.0) ** k, math.sqrt(0.5)
-        if k == 0:
-            to_real[band, band] = 1.0
-        elif k > 0:
-            to_real[band + k, [band - k, band + k]] = s, s * sign
-        else:
-            to_real[band + k, [band + k, band - k]] = 1j * s, -1j * s * (-1.0) ** -k
-    generators = to_real.conj() @ (-1j * j) @ to_real.T  # f = x . X = x . (U Y), so its complex coefficients are U^T x
-    np.testing.assert_allclose(generators.imag, 0.0, atol=1e-12)
-    return generators.real
 
 
 def test_sandwich_written_out_is_the_sandwich() -> None:
@@ -95,11 +73,7 @@ def test_matrices_by_quadrature_are_those_of_the_exponential(bands: int) -> None
     """Oracle: D_l = exp(a . J_l) for the rotation vector a, by SciPy in float64; and our matrices."""
     rotations, rotors = _rotors(4, seed=bands)
     found = _matrices(rotors, bands)
-    exact = np.zeros_like(found)
-    for band in range(bands):
-        part = slice(band * band, (band + 1) ** 2)
-        for row, vector in enumerate(rotations.as_rotvec()):
-            exact[row, part, part] = expm(np.tensordot(vector, _generators(band), 1))
+    exact = np.stack([exact_matrix(vector, bands) for vector in rotations.as_rotvec()])
     np.testing.assert_allclose(found, exact, atol=1e-5)
     matrices = motors.rotor_to_matrix(rotors)
     for band, block in enumerate(sh_rotation_blocks(matrices, bands)):

@@ -70,6 +70,20 @@ def rotate_by_rotor(
     coefficients, rotor = jnp.asarray(coefficients), jnp.asarray(rotor)
     bands = bands_of(coefficients.shape[-1])
     nodes = jnp.asarray(sphere_quadrature(bands)[0], coefficients.dtype)
-    basis = evaluate_sh(turn_vectors(reverse(rotor)[..., None, :], nodes), bands)
-    values = jnp.einsum("...qk,...k->...q", basis, coefficients, precision="highest")
+    turned = turn_vectors(reverse(rotor)[..., None, :], nodes)
+    if rotor.ndim == 1:
+        values = jnp.matmul(coefficients, evaluate_sh(turned, bands).T, precision="highest")
+    else:
+        values = _evaluated(coefficients, turned, bands)
     return jnp.matmul(values, jnp.asarray(_projection(bands), values.dtype), precision="highest")
+
+
+def _evaluated(coefficients: Array, directions: Float[Array, "*r q 3"], bands: int) -> Float[Array, "... q"]:
+    """sum_k c_k Y_k at directions of their own; XLA fuses the sum, where all Y_k at once would fill the memory."""
+    shape = jnp.broadcast_shapes(coefficients.shape[:-1], directions.shape[:-2])
+    components = sh_components(directions[..., 0], directions[..., 1], directions[..., 2], bands)
+    coefficients = jnp.broadcast_to(coefficients, (*shape, coefficients.shape[-1]))
+    values = jnp.zeros((*shape, directions.shape[-2]), coefficients.dtype)
+    for k, component in enumerate(components):
+        values = values + coefficients[..., k, None] * jnp.broadcast_to(component, values.shape)
+    return values
