@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import baking_tables
+from docs import baking_tables, rotation_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -90,6 +90,7 @@ class Table(NamedTuple):
     results: str
 
 
+ROTATION = "../../experiments/rotation/results.json"
 TABLES = (
     Table("README.md", "DEMO", demo_table, "demo.json"),
     Table("README.md", "SPEED", speed_table, "bake_speed.json"),
@@ -100,6 +101,10 @@ TABLES = (
     Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),
     Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
     Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),
+    Table("docs/turn_part.md", "TURN TIMES", rotation_tables.time_table, ROTATION),
+    Table("docs/turn_part.md", "TURN ERRORS", rotation_tables.error_table, ROTATION),
+    Table("docs/turn_part.md", "COMPOSITIONS", rotation_tables.composition_table, ROTATION),
+    Table("docs/turn_part.md", "TURNED ERROR BARS", rotation_tables.error_bar_table, ROTATION),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

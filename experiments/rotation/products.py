@@ -66,7 +66,7 @@ def compositions(steps: int, count: int, repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def error_bars(seeds: int) -> list[dict[str, Any]]:
+def error_bars(seeds: int, reference_rays: int = 1 << 14) -> list[dict[str, Any]]:
     """Bakes of a bumpy sphere by 64 rays with many seeds, turned: true errors against turned standard errors.
 
     `ratio` is the rms true error over the rms standard error and `coverage` the share within 95 % intervals (Student's
@@ -76,7 +76,7 @@ def error_bars(seeds: int) -> list[dict[str, Any]]:
     """
     mesh, bands, turn = bumpy_sphere(8), 4, np.array([0.7, -1.1, 0.4])
     matrix = Rotation.from_rotvec(turn).as_matrix()
-    truth = bake_transfer(mesh, bands, 1 << 14)
+    truth = bake_transfer(mesh, bands, reference_rays)
     bakes = [bake_transfer(mesh, bands, 64, seed=seed) for seed in range(1, seeds + 1)]
     turned_truth, rows = rotate_transfer(truth, matrix), []
     spread = np.std([bake.coefficients for bake in bakes], axis=0, ddof=1)
