@@ -39,7 +39,7 @@ def _transfer(bands: int = 3, **arrays: np.ndarray) -> Transfer:
     return Transfer(coefficients, error, *MESH, {"method": "closed form"}, **arrays)
 
 
-@pytest.mark.parametrize("bands", [1, 3, 10])
+@pytest.mark.parametrize("bands", [1, 10])
 def test_the_closed_form_of_the_turned_mesh(bands: int) -> None:
     turned = rotate_transfer(_transfer(bands), MATRIX)
     np.testing.assert_allclose(turned.normals, MESH.normals @ MATRIX.T, atol=5e-7)
@@ -73,7 +73,7 @@ def test_a_quarter_turn_by_hand() -> None:
     assert turned.standard_error is turned.visibility is turned.matrices is None
 
 
-@pytest.mark.parametrize("bands", [1, 2, 4])
+@pytest.mark.parametrize("bands", [1, 3])
 @pytest.mark.parametrize("kind", [np.float32, np.float16])
 def test_visibility_and_matrices_turn_with_the_mesh(bands: int, kind: type) -> None:
     """Where one direction w is free, visibility is Y(w) in 2B-1 bands and M = Y(w) Y(w)^T."""
@@ -146,10 +146,10 @@ def test_every_form_of_one_rotation() -> None:
 
 
 def test_tiny_turns_and_black_lights() -> None:
-    light = np.random.default_rng(6).normal(size=(100, 3)).astype(np.float32)
+    light = np.random.default_rng(6).normal(size=(9, 3)).astype(np.float32)
     tiny = np.array([1.0, 0, 0.5e-8, 0])
     np.testing.assert_allclose(gash_jax.rotate_light(light, tiny), light, atol=3e-6)
-    assert not np.asarray(gash_jax.rotate_light(np.zeros((100, 3)), MATRIX)).any()
+    assert not np.asarray(gash_jax.rotate_light(np.zeros((9, 3)), MATRIX)).any()
 
 
 def test_a_turned_transfer_is_saved_drawn_and_turned_back(tmp_path: Path) -> None:
