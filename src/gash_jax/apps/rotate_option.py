@@ -34,5 +34,5 @@ rotate_option = click.option(
     "--rotate",
     "turn",
     type=Turn(),
-    help="Turn the light: degrees about +y, counter-clockwise from above, or a unit quaternion.",
+    help="Turn the light, not the mesh: degrees about +y, counter-clockwise from above, or a unit quaternion.",
 )
