@@ -147,7 +147,7 @@ def bake_transfer(
     first, last = _range_of(rows, len((receivers or mesh).vertices))
     started = time.perf_counter()
     scene = make_scene(mesh, receivers, blockers)
-    colours = checked_albedo(albedo, len(scene.surface.vertices)) if bounces or albedo is not None else None
+    colours = checked_albedo(1 if albedo is None and not bounces else albedo, len(scene.surface.vertices))
     scene = scene if bounces else scene.receivers_alone()  # light that bounces comes from all surfaces
     query = ray_query(*scene.geometry[:2], "closest" if bounces else "any", backend)
     built = time.perf_counter()
@@ -156,24 +156,25 @@ def bake_transfer(
     shifts = draw_shifts(seed, len(scene.starts.vertices), count, drawn.start, drawn.stop)
     active, all_rows = active_rows(scene.starts, scene.geometry, frames_of_all(frames, scene), shifts)
     part = slice(*np.searchsorted(active, [wanted.start, wanted.stop]).tolist())
-    estimate = Estimate(np.zeros((0, count, bands**2), np.float32), np.zeros(0, np.float32), {})
+    shape = (bands**2, 3) if bounces and colours.shape[1] == 3 else (bands**2,)
+    estimate = Estimate(np.zeros((0, count, *shape), np.float32), np.zeros(0, np.float32), {})
     if part.start < part.stop:
         trace = partial(_direct_light, part=part)
         if bounces:
             trace = partial(bounced_transfer, active=active, surface=scene.surface, albedo=colours, bounces=bounces)
         plain = np.zeros(len(active), np.float32) if count == 1 else None
         estimate = trace(all_rows, direct(bands), rays // count, query, share=plain, progress=progress)
-    shape = (last - first, *estimate.replicas.shape[2:])
-    coefficients, own, share = np.zeros(shape, np.float32), active[part] - wanted.start, estimate.share[part]
+    own, replicas, share = active[part] - wanted.start, estimate.replicas[part], estimate.share[part]
+    coefficients = np.zeros((last - first, *shape), np.float32)
     error = np.zeros_like(coefficients) if count > 1 else None
-    coefficients[own] = mean = estimate.replicas[part].mean(1)
+    coefficients[own] = mean = replicas.mean(1)
     if error is not None:
-        error[own] = replicate_error(estimate.replicas[part], mean, rays, share)
+        error[own] = replicate_error(replicas, mean, rays, share)
     seconds = {"build": built - started, "trace": time.perf_counter() - built, "total": time.perf_counter() - started}
+    asked = {"rows": None if rows is None else [first, last], "occluders": len(blockers) or None}
+    asked |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
     parameters = {"rays": rays, "replicates": count, "seed": seed, "backend": backend}
-    parameters |= {} if rows is None else {"rows": [first, last]}
-    parameters |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
-    parameters |= {"occluders": len(blockers)} if blockers else {}
+    parameters |= {name: value for name, value in asked.items() if value is not None}
     metadata = make_metadata(
         bands,
         "bake",

@@ -5,15 +5,17 @@ of the mesh, or points that were given with their normals and are no part of any
 one, the mesh first; rays start from its vertices and from the points.
 """
 
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import KDTree
 
 from gash_jax.algebra.arguments import as_array
 from gash_jax.algebra.directions import orthonormal_frame
-from gash_jax.formats.meshes import MeshLike, as_mesh
+from gash_jax.formats.meshes import MeshLike, as_mesh, read_points
 from gash_jax.geometry.checks import checked_points
 from gash_jax.geometry.mesh import Mesh, MeshError, concatenate
 from gash_jax.prt.rays import TraceGeometry, trace_geometry
@@ -33,7 +35,8 @@ class Scene(NamedTuple):
 
     def receivers_alone(self) -> "Scene":
         """The scene without the starts that get no coefficients; what rays meet stays."""
-        alone = Mesh(*(array[self.receivers] for array in self.starts[:2]), self.starts.faces)
+        vertices, normals, faces = self.starts
+        alone = Mesh(vertices[self.receivers], normals[self.receivers], faces)
         geometry = self.geometry._replace(origins=self.geometry.origins[self.receivers])
         return self._replace(starts=alone, geometry=geometry, receivers=slice(0, len(alone.vertices)))
 
@@ -44,8 +47,7 @@ def make_scene(mesh: Mesh, points: Mesh | None = None, occluders: Sequence[Mesh]
     geometry, count = trace_geometry(surface, points), len(surface.vertices)
     starts, receivers = surface._replace(faces=mesh.faces[:0]), slice(0, len(mesh.vertices))
     if points is not None:
-        both = (np.concatenate([ours, theirs]) for ours, theirs in zip(surface[:2], points[:2], strict=True))
-        starts, receivers = Mesh(*both, mesh.faces[:0]), slice(count, count + len(points.vertices))
+        starts, receivers = concatenate([starts, points]), slice(count, count + len(points.vertices))
     return Scene(surface, starts, geometry, receivers)
 
 
@@ -70,6 +72,25 @@ def as_points(points: "ArrayLike | None", normals: "ArrayLike | None") -> Mesh |
     if points is None or normals is None:
         raise MeshError("points and normals go together: give one normal for each point, or neither")
     return checked_points(*(np.asarray(as_array(array)) for array in (points, normals)))
+
+
+def load_points(
+    path: str | os.PathLike[str], mesh: Mesh, up: str = "y"
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+    """Points of a PLY file and their unit normals, to be baked against a mesh. Raises MeshError.
+
+    A 3D Gaussian splat (Kerbl et al. 2023) is flat along its shortest axis, which has no sign: of its two normals it
+    gets the one on the side of the normal of the nearest vertex of the mesh.
+    """
+    points, unsigned = read_points(path, up)
+    if not unsigned:
+        return points.vertices, points.normals
+    upright = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
+    if not len(upright):
+        return points.vertices, points.normals
+    nearest = upright[KDTree(mesh.vertices[upright]).query(points.vertices)[1]]
+    against = np.einsum("pi,pi->p", points.normals, mesh.normals[nearest]) < 0
+    return points.vertices, np.where(against[:, None], -points.normals, points.normals)
 
 
 def as_occluders(occluders: Sequence[MeshLike]) -> list[Mesh]:
