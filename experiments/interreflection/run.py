@@ -42,7 +42,7 @@ from tests.helpers.closed_forms import LIFT
 from tests.helpers.radiosity import AXIS, cavity_gain, slanted_cavity
 from tests.helpers.transfer_formulas import Y00, free_transfer, polygon_transfer
 
-DEGREES, ALBEDOS, BOUNCES = (30, 50, 70, 90, 120), (0.2, 0.5, 0.8, 0.95, 1.0), 8
+DEGREES, ALBEDOS, BOUNCES = (30, 50, 70, 85, 120), (0.2, 0.5, 0.8, 0.95, 1.0), 8
 RESOLUTION, RAYS, REPLICATES, SEEDS = 16, 1024, 4, 20
 
 
