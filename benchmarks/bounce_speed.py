@@ -22,7 +22,7 @@ from gash_jax.measure.provenance import provenance
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.primitives import bumpy_sphere, spherical_bowl
 
-RAYS, ROUNDS, COLOUR = 64, 7, (0.8, 0.5, 0.3)
+RAYS, ROUNDS, COLOUR = 64, 5, (0.8, 0.5, 0.3)
 ALONE = """
 import json, resource, time
 import numpy as np
@@ -72,7 +72,7 @@ def large(resolution: int, albedo: object) -> dict:
 
 
 def main(output: Path | None, quick: bool) -> dict:
-    size = 20 if quick else 160
+    size = 20 if quick else 100
     meshes = {"half open bowl": spherical_bowl(np.pi / 2, size), "bumpy ball": bumpy_sphere(size)}
     rows = []
     for name, mesh in meshes.items():
