@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import baking_tables, rotation_tables
+from docs import baking_tables, bounce_tables, rotation_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -105,6 +105,9 @@ TABLES = (
     Table("docs/turn_part.md", "TURN ERRORS", rotation_tables.error_table, ROTATION),
     Table("docs/turn_part.md", "COMPOSITIONS", rotation_tables.composition_table, ROTATION),
     Table("docs/turn_part.md", "TURNED ERROR BARS", rotation_tables.error_bar_table, ROTATION),
+    Table("docs/transport.md", "CAVITY", bounce_tables.cavity_table, "interreflection.json"),
+    Table("docs/transport.md", "MITSUBA", bounce_tables.mitsuba_table, "mitsuba.json"),
+    Table("docs/transport.md", "BOUNCE SPEED", bounce_tables.bounce_speed_table, "bounce_speed.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

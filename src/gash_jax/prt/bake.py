@@ -15,6 +15,9 @@ free rays, everywhere; of all other coefficients the floor is a fifth of it.
 
 import operator
 import time
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -22,11 +25,18 @@ from jaxtyping import Float
 from gash_jax.algebra.arguments import WholeNumber, shown, whole_number
 from gash_jax.algebra.sh import band_index, bands_of, validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
+from gash_jax.prt.bounces import MOST_BOUNCES, Estimate, bounced_transfer, checked_albedo, describe_albedo
 from gash_jax.prt.integrands import direct, to_world
-from gash_jax.prt.rays import trace_geometry
-from gash_jax.prt.tracing import ProgressFn, active_rows, trace_rows
+from gash_jax.prt.rays import RayQuery
+from gash_jax.prt.scene import as_occluders, as_points, frames_of_all, make_scene
+from gash_jax.prt.tracing import Integrand, ProgressFn, Rows, active_rows, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import ray_query
+
+if TYPE_CHECKING:
+    from jax import Array
+
+    from gash_jax.algebra.arguments import ArrayLike
 
 MAX_RAYS = 1 << 20
 
@@ -72,12 +82,13 @@ def draw_shifts(seed: int, count: int, replicates: int, first: int, last: int) -
 
 
 def replicate_error(
-    replicas: Float[np.ndarray, "a r k"], mean: Float[np.ndarray, "a k"], rays: int, share: Float[np.ndarray, "a"]
-) -> Float[np.ndarray, "a k"]:
-    """Standard error of the mean of r > 1 replicates, not below the floor."""
+    replicas: Float[np.ndarray, "a r k *c"], mean: Float[np.ndarray, "a k *c"], rays: int, share: Float[np.ndarray, "a"]
+) -> Float[np.ndarray, "a k *c"]:
+    """Standard error of the mean of r > 1 replicates, not below the floor; `c` are colours, where there are any."""
     count, difference = replicas.shape[1], replicas - mean[:, None]
-    variance = np.einsum("ark,ark->ak", difference, difference) / np.float32(count * (count - 1))
-    return np.maximum(np.sqrt(variance), standard_error_floor(bands_of(mean.shape[1]), rays, share))
+    variance = np.einsum("ar...,ar...->a...", difference, difference) / np.float32(count * (count - 1))
+    floor = standard_error_floor(bands_of(mean.shape[1]), rays, share)
+    return np.maximum(np.sqrt(variance), floor.reshape(*floor.shape, *(1,) * (mean.ndim - 2)))
 
 
 def _range_of(rows: slice | None, count: int) -> tuple[int, int]:
@@ -95,6 +106,11 @@ def bake_transfer(
     bands: WholeNumber = 3,
     rays: WholeNumber = 256,
     *,
+    bounces: WholeNumber = 0,
+    albedo: "ArrayLike | Array | None" = None,
+    points: "ArrayLike | Array | None" = None,
+    normals: "ArrayLike | Array | None" = None,
+    occluders: Sequence[MeshLike] = (),
     replicates: WholeNumber | None = None,
     seed: WholeNumber = 0,
     backend: str = "embree",
@@ -102,7 +118,7 @@ def bake_transfer(
     rows: slice | None = None,
     progress: ProgressFn | None = None,
 ) -> Transfer:
-    """Bake shadowed diffuse transfer with `rays` rays per vertex.
+    """Bake shadowed diffuse transfer with `rays` rays per vertex, with light that bounces up to `bounces` times.
 
     `mesh` is a path, arrays (vertices, faces[, normals]), a trimesh or a `Mesh`. `replicates=1` is the plain bake (one
     rotation, no blending, no standard error); `None` means 4, or 1 below 16 rays. `frames` (columns tangent, bitangent,
@@ -112,41 +128,79 @@ def bake_transfer(
     from worker threads. Vertices without a usable normal get transfer 0. Raises ValueError for options out of range,
     MeshError for what is no mesh.
 
+    `points` (p, 3) with unit `normals` (p, 3), 0 where a point has none, receive light in place of the mesh's vertices.
+    `occluders`, a list of meshes, cast shadows and bounce light, and get no coefficients. `albedo` is a number, a
+    colour (3,), or one of these for every vertex of the mesh and then of the occluders; colours give coefficients
+    (v, k, 3).
+    What bounces mean is in `prt.bounces`; with them `rows` saves nothing, as light comes from everywhere.
+
     >>> transfer = gash_jax.bake_transfer("bunny.ply", bands=3, rays=64)
     >>> transfer.coefficients.shape, transfer.standard_error.shape
     ((362, 9), (362, 9))
+    >>> gash_jax.bake_transfer("bunny.ply", rays=64, bounces=2, albedo=[0.8, 0.5, 0.3]).coefficients.shape
+    (362, 9, 3)
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
-    integrand, count, rays = direct(bands), choose_replicates(rays, replicates), operator.index(rays)
-    first, last = _range_of(rows, len(mesh.vertices))
+    count, rays = choose_replicates(rays, replicates), operator.index(rays)
+    bounces = whole_number(bounces, "bounces", 0, MOST_BOUNCES)
+    receivers, blockers = as_points(points, normals), as_occluders(occluders)
+    first, last = _range_of(rows, len((receivers or mesh).vertices))
     started = time.perf_counter()
-    geometry = trace_geometry(mesh)
-    query = ray_query(geometry.vertices, geometry.faces, integrand.query, backend)
+    scene = make_scene(mesh, receivers, blockers)
+    colours = checked_albedo(1 if albedo is None and not bounces else albedo, len(scene.surface.vertices))
+    scene = scene if bounces else scene.receivers_alone()  # light that bounces comes from all surfaces
+    query = ray_query(*scene.geometry[:2], "closest" if bounces else "any", backend)
     built = time.perf_counter()
-    shifts = draw_shifts(seed, len(mesh.vertices), count, first, last)
-    active, all_rows = active_rows(mesh, geometry, frames, shifts)
-    part = slice(*np.searchsorted(active, [first, last]).tolist())
-    own, share = active[part] - first, np.zeros(0, np.float32)
-    coefficients = np.zeros((last - first, bands**2), np.float32)
-    error = np.zeros_like(coefficients) if count > 1 else None
-    if len(own):
+    wanted = slice(scene.receivers.start + first, scene.receivers.start + last)
+    drawn = slice(0, len(scene.starts.vertices)) if bounces else wanted
+    shifts = draw_shifts(seed, len(scene.starts.vertices), count, drawn.start, drawn.stop)
+    active, all_rows = active_rows(scene.starts, scene.geometry, frames_of_all(frames, scene), shifts)
+    part = slice(*np.searchsorted(active, [wanted.start, wanted.stop]).tolist())
+    shape = (bands**2, 3) if bounces and colours.shape[1] == 3 else (bands**2,)
+    estimate = Estimate(np.zeros((0, count, *shape), np.float32), np.zeros(0, np.float32), {})
+    if part.start < part.stop:
+        trace = partial(_direct_light, part=part)
+        if bounces:
+            trace = partial(bounced_transfer, active=active, surface=scene.surface, albedo=colours, bounces=bounces)
         plain = np.zeros(len(active), np.float32) if count == 1 else None
-        local, share = trace_rows(all_rows, integrand, rays // count, query, share=plain, part=part, progress=progress)
-        # the turn into the world, too, has the shape of the whole mesh, on which its last bits depend
-        replicas, share = np.asarray(to_world(local, all_rows.frames))[part], share[part]
-        coefficients[own] = mean = replicas.mean(1)
-        if error is not None:
-            error[own] = replicate_error(replicas, mean, rays, share)
+        estimate = trace(all_rows, direct(bands), rays // count, query, share=plain, progress=progress)
+    own, replicas, share = active[part] - wanted.start, estimate.replicas[part], estimate.share[part]
+    coefficients = np.zeros((last - first, *shape), np.float32)
+    error = np.zeros_like(coefficients) if count > 1 else None
+    coefficients[own] = mean = replicas.mean(1)
+    if error is not None:
+        error[own] = replicate_error(replicas, mean, rays, share)
     seconds = {"build": built - started, "trace": time.perf_counter() - built, "total": time.perf_counter() - started}
+    asked = {"rows": None if rows is None else [first, last], "occluders": len(blockers) or None}
+    asked |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
     parameters = {"rays": rays, "replicates": count, "seed": seed, "backend": backend}
+    parameters |= {name: value for name, value in asked.items() if value is not None}
     metadata = make_metadata(
         bands,
         "bake",
-        parameters if rows is None else {**parameters, "rows": [first, last]},
-        rays_total=rays * len(own),
+        parameters,
+        rays_total=rays * (len(active) if bounces else len(own)),
         modelled={**free_and_dark(share), "blended_with_closed_form": count > 1},
-        ray_offset=geometry.offset,
+        ray_offset=scene.geometry.offset,
         seconds=seconds,
+        **estimate.told,
     )
-    faces = mesh.faces if rows is None else mesh.faces[:0]
-    return Transfer(coefficients, error, mesh.vertices[first:last], mesh.normals[first:last], faces, metadata)
+    vertices, normals = (array[wanted] for array in scene.starts[:2])
+    faces = mesh.faces if rows is None and receivers is None else mesh.faces[:0]
+    return Transfer(coefficients, error, vertices, normals, faces, metadata)
+
+
+def _direct_light(
+    rows: Rows,
+    integrand: Integrand,
+    n: int,
+    query: RayQuery,
+    *,
+    part: slice,
+    share: Float[np.ndarray, "a"] | None,
+    progress: ProgressFn | None,
+) -> Estimate:
+    """Replicates of the direct transfer of some rows; zeros for the others."""
+    local, free = trace_rows(rows, integrand, n, query, share=share, part=part, progress=progress)
+    # the turn into the world, too, has the shape of the whole mesh, on which its last bits depend
+    return Estimate(np.asarray(to_world(local, rows.frames)), free, {})
