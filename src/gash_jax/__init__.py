@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
+    from gash_jax.prt.glossy import glossy_matrices
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
     from gash_jax.shapes.procedural import make_shape
@@ -57,6 +58,7 @@ _HOMES = {
     "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
+    "prt.glossy": ("glossy_matrices",),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "light.shading": ("shade",),
@@ -79,6 +81,7 @@ __all__ = [
     "deforming_predictor",
     "embed_point",
     "geometric_product",
+    "glossy_matrices",
     "keep_compiled_programs",
     "load_config",
     "load_light",
