@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gash_jax.formats.meshes import load_mesh, read_mesh, save_mesh
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
+    from gash_jax.light.brdf import Lobe, ggx, phong
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
     from gash_jax.light.studio import studio_light
@@ -59,6 +60,7 @@ _HOMES = {
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
     "prt.glossy": ("glossy_matrices",),
+    "light.brdf": ("Lobe", "ggx", "phong"),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "light.shading": ("shade",),
@@ -71,6 +73,7 @@ __all__ = [
     "FileError",
     "HealthReport",
     "Light",
+    "Lobe",
     "Mesh",
     "MeshError",
     "Model",
@@ -81,6 +84,7 @@ __all__ = [
     "deforming_predictor",
     "embed_point",
     "geometric_product",
+    "ggx",
     "glossy_matrices",
     "keep_compiled_programs",
     "load_config",
@@ -91,6 +95,7 @@ __all__ = [
     "make_shape",
     "motor",
     "motor_to_rigid",
+    "phong",
     "plan_bake",
     "project_light",
     "read_mesh",

@@ -19,7 +19,8 @@ def _dense(bands: int) -> np.ndarray:
 
 
 def _basis(directions: np.ndarray, bands: int) -> np.ndarray:
-    return np.stack(sh_components(*directions.T, bands), axis=-1)
+    x, y, z = directions.T
+    return np.stack(sh_components(x, y, z, bands), axis=-1)
 
 
 def _directions(count: int) -> np.ndarray:
@@ -60,7 +61,9 @@ def test_against_wigners_symbols() -> None:
     """All of three bands, and 300 of ten; a third of those vanish."""
     place = [(l, m) for l in range(19) for m in range(-l, l + 1)]
     every = [(i, j, k) for i in range(9) for j in range(9) for k in range(25)]
-    np.testing.assert_allclose(_dense(3)[*np.transpose(every)], [_racah([place[x] for x in t]) for t in every], atol=1e-14)
+    np.testing.assert_allclose(
+        _dense(3)[*np.transpose(every)], [_racah([place[x] for x in t]) for t in every], atol=1e-14
+    )
     dense, terms, rng = _dense(10), gaunt_terms(10), np.random.default_rng(0)
     chosen = rng.permutation(len(terms.i))[:200]
     some = np.stack(terms[:3], -1)[chosen].tolist() + rng.integers(0, [100, 100, 361], (100, 3)).tolist()
@@ -131,7 +134,9 @@ def test_transforms() -> None:
     assert np.isfinite(jax.grad(lambda light: jnp.sum(multiplier(light) ** 3))(jnp.asarray(c[0]))).all()
 
 
-@pytest.mark.parametrize(("count", "words"), [(4, "2 bands: products need an odd"), (400, "no square"), (8, "no square")])
+@pytest.mark.parametrize(
+    ("count", "words"), [(4, "2 bands: products need an odd"), (400, "no square"), (8, "no square")]
+)
 def test_numbers_of_coefficients_that_no_product_has(count: int, words: str) -> None:
     assert [product_bands((2 * bands - 1) ** 2) for bands in range(1, 11)] == list(range(1, 11))
     with pytest.raises(ValueError, match=words):

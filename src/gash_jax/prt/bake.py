@@ -145,10 +145,10 @@ def bake_transfer(
     rotation, no blending, no standard error); `None` means 4, or 1 below 16 rays. `frames` (columns tangent, bitangent,
     normal; in place of a choice by the normal alone) carries the rays along with a mesh that is turned.
     `rows=slice(a, b)` bakes vertices a .. b - 1 alone, in the shadow of the whole mesh, and returns them as points
-    without faces: to the last bit those of the whole bake. `glossy` traces as many rays again for `visibility`, of which
-    `glossy_matrices` and `shade` with a lobe make glossy transfer; float16, its errors in `metadata`. `progress(done, total)` is called with counts of vertices,
-    from worker threads. Vertices without a usable normal get transfer 0. Raises ValueError for options out of range,
-    MeshError for what is no mesh.
+    without faces: to the last bit those of the whole bake. `glossy` traces as many rays again for the `visibility` of
+    which `glossy_matrices` and `shade` with a lobe make glossy transfer, in float16, its errors in `metadata`.
+    `progress(done, total)` is called with counts of vertices, from worker threads. Vertices without a usable normal get
+    transfer 0. Raises ValueError for options out of range, MeshError for what is no mesh.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", bands=3, rays=64)
     >>> transfer.coefficients.shape, transfer.standard_error.shape

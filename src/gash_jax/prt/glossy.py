@@ -74,11 +74,13 @@ def glossy_matrices(transfer: Transfer) -> Float[Array, "v k k"]:
     return product_matrices(visibility) if matrices is None else matrices
 
 
-def glossy_arrays(transfer: Transfer) -> tuple[Any, Any]:
+def glossy_arrays(transfer: object) -> tuple[Any, Any]:
     """`visibility` and `matrices` of a transfer in float32, one of them None: matrices, which may hold bounced light,
     before visibility. Raises ValueError for a transfer that has neither."""
     if not isinstance(transfer, Transfer) or (transfer.visibility is None and transfer.matrices is None):
-        raise ValueError("the transfer holds no glossy transfer: bake it with glossy=True (gash bake --glossy)")
+        raise ValueError(
+            "the transfer has no visibility to make gloss of: bake it with glossy=True (gash bake --glossy)"
+        )
     if transfer.matrices is not None:
         return None, jnp.asarray(transfer.matrices, jnp.float32)
     return jnp.asarray(transfer.visibility, jnp.float32), None

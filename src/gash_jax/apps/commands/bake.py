@@ -46,6 +46,7 @@ from gash_jax.prt.transfer import Transfer, save_transfer
     type=click.IntRange(1),
     help="Independent point sets the rays are split into for the standard error.  [default: 4; 1 below 16 rays]",
 )
+@click.option("--glossy", is_flag=True, help="As many rays again for glossy transfer: visibility in 2 bands - 1 bands.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the rays.")
 @up_option
 @quiet_option
@@ -59,6 +60,7 @@ def bake(
     light_path: Path | None,
     layout: str | None,
     replicates: int | None,
+    glossy: bool,
     seed: int,
     up: str,
     quiet: bool,
@@ -69,6 +71,8 @@ def bake(
     to_error = auto or error is not None
     if to_error and (rays is not None or replicates is not None):
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
+    if to_error and glossy:
+        raise click.UsageError("--glossy is baked with a number of rays: give --rays in place of --error or --auto")
     check_layout(layout, light_path)
     check_writable(output, [*mesh_files(mesh), light_path])
     error, rays = 0.02 if error is None else error, 256 if rays is None else rays
@@ -88,7 +92,8 @@ def bake(
         if to_error:
             transfer = bake_to_error(surface, error, bands, seed=seed, progress=update)
         else:
-            transfer = bake_transfer(surface, bands, rays, replicates=replicates, seed=seed, progress=update)
+            options = {"replicates": replicates, "seed": seed, "glossy": glossy}
+            transfer = bake_transfer(surface, bands, rays, **options, progress=update)
     entries = _entries_of_aim(transfer, plan) if to_error else transfer.metadata
     seconds = {**entries["seconds"], "read": read}
     transfer = transfer._replace(metadata={**entries, "health": health.to_dict(), "seconds": seconds})
@@ -117,7 +122,9 @@ def _estimated(transfer: Transfer) -> list[str]:
     if transfer.standard_error is None:
         return []
     relative = relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
-    return [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
+    lines = [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
+    seen = transfer.metadata.get("visibility", {}).get("relative_error")
+    return lines if seen is None else [*lines, f"estimated relative error of the visibility {seen:.2%}"]
 
 
 def _summary(transfer: Transfer, health: HealthReport) -> list[str]:

@@ -29,17 +29,25 @@ from gash_jax.prt.plan import plan_bake
 @layout_option
 @click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
 @bands_option()
+@click.option("--glossy", is_flag=True, help="Plan glossy transfer too: as many rays again, and a larger file.")
 @up_option
 @json_option
 def plan(
-    mesh: Path, light_path: Path | None, layout: str | None, error: float, bands: int, up: str, as_json: bool
+    mesh: Path,
+    light_path: Path | None,
+    layout: str | None,
+    error: float,
+    bands: int,
+    glossy: bool,
+    up: str,
+    as_json: bool,
 ) -> None:
     """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
     check_error(error)
     check_layout(layout, light_path)
     light = None if light_path is None else load_light(light_path, MAX_BANDS, layout).coefficients
     surface, health = read_mesh(mesh, up)
-    found = plan_bake(surface, error, bands=bands, light=light).to_dict()
+    found = plan_bake(surface, error, bands=bands, light=light, glossy=glossy).to_dict()
     values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}
     click.echo(json.dumps(values) if as_json else plan_text(values))
 
