@@ -59,7 +59,7 @@ def _racah(lm: list[tuple[int, int]]) -> float:
 
 def test_against_wigners_symbols() -> None:
     """All of three bands, and 300 of ten; a third of those vanish."""
-    place = [(l, m) for l in range(19) for m in range(-l, l + 1)]
+    place = [(band, m) for band in range(19) for m in range(-band, band + 1)]
     every = [(i, j, k) for i in range(9) for j in range(9) for k in range(25)]
     np.testing.assert_allclose(
         _dense(3)[*np.transpose(every)], [_racah([place[x] for x in t]) for t in every], atol=1e-14

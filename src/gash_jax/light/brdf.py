@@ -22,6 +22,7 @@ single scattering loses is given back: K is normalised.
 import math
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -56,11 +57,7 @@ def phong(exponent: RealNumber | Array) -> Lobe:
     >>> [round(float(k), 4) for k in gash_jax.phong(2.0).factors[:4]]
     [1.0, 0.75, 0.4, 0.125]
     """
-    s = _number(exponent, "exponent", math.inf)
-    factors = [jnp.ones_like(s), (s + 1) / (s + 2)]
-    for band in range(MAX_BANDS - 2):
-        factors.append(factors[band] * ((s - band) / (s + band + 3)))
-    return Lobe(jnp.stack(factors))
+    return Lobe(_phong_factors(_number(exponent, "exponent", math.inf)))
 
 
 def ggx(roughness: RealNumber | Array) -> Lobe:
@@ -71,7 +68,20 @@ def ggx(roughness: RealNumber | Array) -> Lobe:
     >>> [round(float(k), 3) for k in gash_jax.ggx(0.3).factors[:4]]
     [1.0, 0.949, 0.867, 0.778]
     """
-    square = jnp.maximum(_number(roughness, "roughness", 1.0) ** 4, _MIRROR)
+    return Lobe(_ggx_factors(_number(roughness, "roughness", 1.0)))
+
+
+@jax.jit
+def _phong_factors(s: Float[Array, ""]) -> Float[Array, "b"]:
+    factors = [jnp.ones_like(s), (s + 1) / (s + 2)]
+    for band in range(MAX_BANDS - 2):
+        factors.append(factors[band] * ((s - band) / (s + band + 3)))
+    return jnp.stack(factors)
+
+
+@jax.jit
+def _ggx_factors(roughness: Float[Array, ""]) -> Float[Array, "b"]:
+    square = jnp.maximum(roughness**4, _MIRROR)
     nodes, weights = (jnp.asarray(a / 2, jnp.float32) for a in np.polynomial.legendre.leggauss(_NODES))
     growth = jnp.log1p(1 / square)
     t = square * jnp.expm1((nodes + 0.5) * growth)
@@ -79,7 +89,7 @@ def ggx(roughness: RealNumber | Array) -> Lobe:
     masking = 2 * cosine / (cosine + jnp.sqrt(square + (1 - square) * cosine**2))
     density = weights * jnp.exp(-(nodes + 0.5) * growth) * masking
     bands = jnp.stack(legendre_functions(cosine, jnp.ones_like(cosine), MAX_BANDS, 0))
-    return Lobe(jnp.sum(bands * density[None], axis=1) / jnp.sum(density))
+    return jnp.sum(bands * density[None], axis=1) / jnp.sum(density)
 
 
 def _number(value: object, name: str, most: float) -> Float[Array, ""]:
