@@ -86,6 +86,7 @@ def test_by_hand() -> None:
 
 def test_a_camera_is_its_directions_and_matrices_are_their_visibility() -> None:
     transfer, light, lobe = sphere(9, 3), light_of(4), phong(12)
+    assert transfer.visibility is not None
     eye = np.array([1.0, 2, 6], np.float32)
     toward = 3 * (eye - transfer.vertices)  # of any length
     found = shade(transfer, light, view=eye, lobe=lobe)
