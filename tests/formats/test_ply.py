@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from gash_jax.files.atomic import FileError
-from gash_jax.formats import ply as ply_io
+from gash_jax.formats import ply_columns
 from gash_jax.formats.ply import read_ply, write_ply
 from gash_jax.geometry.mesh import Mesh, MeshError, vector_areas
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -43,7 +43,7 @@ def test_order_is_sacred(kind: str) -> None:
 @pytest.mark.parametrize("block", [16, 100, 1 << 18])
 def test_mixed_polygons_of_any_number(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The chain of rows, followed in blocks of any size."""
-    monkeypatch.setattr(ply_io, "_BLOCK", block)
+    monkeypatch.setattr(ply_columns, "_BLOCK", block)
     rng = np.random.default_rng(block)
     faces = [rng.integers(0, 5, size=size).tolist() for size in rng.integers(3, 7, size=300)]
     expected = [[face[0], face[i], face[i + 1]] for face in faces for i in range(1, len(face) - 1)]

@@ -32,6 +32,9 @@ def bands_option(default: int = 3):
     )
 
 
+bounces_option = click.option(
+    "--bounces", type=click.IntRange(0, 256), default=0, show_default=True, help="How often light may be reflected."
+)
 quiet_option = click.option("--quiet", is_flag=True, help="No progress bar, no summary.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for programs.")
 up_option = click.option(

@@ -93,3 +93,19 @@ def check_arrays(
         if wanted == "floats" and not np.isfinite(array).all():
             raise FileError(f"{path} holds values in {name!r} that are not finite: write it again")
     return sizes
+
+
+def read_array(path: str | Path) -> np.ndarray:
+    """The array of a .npy file, or the only one of a .npz file. Raises FileError where there is none, or several."""
+    path = as_path(path)
+    if not path.is_file():
+        raise FileError(f"no such file: {path}")
+    try:
+        with open(path, "rb") as file:
+            found = np.load(file, allow_pickle=False)
+            arrays = [found] if isinstance(found, np.ndarray) else [found[name] for name in found.files]
+    except _DAMAGED:
+        raise FileError(f"{path} is no readable .npy or .npz file: write it again with numpy.save") from None
+    if len(arrays) != 1:
+        raise FileError(f"{path} holds {len(arrays)} arrays: write the one that is meant with numpy.save")
+    return arrays[0]

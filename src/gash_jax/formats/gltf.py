@@ -5,7 +5,8 @@ turns its faces around, as glTF says). A node with instances (EXT_mesh_gpu_insta
 order, each placed within the node. Morph targets count with the weights that the node, else the mesh, gives them (glTF
 2.0, 3.7.2.2). Of a skinned mesh the bind pose is taken: the positions as stored, placed by what the skin's root joint
 does to them at rest, G B with G the joint's place and B its inverse bind matrix. The place of the node itself does not
-count then, as glTF says. Materials and animations are ignored.
+count then, as glTF says. COLOR_0 is linear RGB, and white where only some primitives have it (glTF 2.0, 3.9.2).
+Materials and animations are ignored.
 """
 
 from pathlib import Path
@@ -27,6 +28,8 @@ class _Piece(NamedTuple):
     points: Float[np.ndarray, "v 3"]
     normals: Float[np.ndarray, "v 3"]  # 0 where it has none
     triangles: Int[np.ndarray, "f 3"]
+    colors: Float[np.ndarray, "v 3"]  # 1 where it has none
+    colored: bool
     morphed: bool
 
 
@@ -34,7 +37,8 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
     """The scene of a .glb or .gltf file; `folder` is where buffers of a .gltf are looked for. Raises MeshError."""
     document = open_document(data, folder)
     places = _places(document)
-    scene, skipped, morphed = [(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))], 0, False
+    none = np.zeros((0, 3))
+    scene, skipped, morphed, colored = [(none, none.astype(np.int64), none, none)], 0, False, False
     count = 0
     for index, place in places.items():
         node = document.json["nodes"][index]
@@ -46,6 +50,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
         pieces = [piece for piece in found if piece is not None]
         skipped += len(found) - len(pieces)
         morphed |= any(piece.morphed for piece in pieces)
+        colored |= any(piece.colored for piece in pieces)
         if pieces:
             scene.append(_placed(pieces, _node_places(document, node, place, places), count))
             count += len(scene[-1][0])
@@ -54,14 +59,14 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
         notes += (f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out",)
     if morphed:
         notes += ("morph targets with default weights: applied, the shape is not the base shape",)
-    vertices, faces, normals = (np.concatenate(arrays) for arrays in zip(*scene, strict=True))
-    return RawMesh(vertices, faces, normals, notes)
+    vertices, faces, normals, colors = (np.concatenate(arrays) for arrays in zip(*scene, strict=True))
+    return RawMesh(vertices, faces, normals, notes, colors if colored else None)
 
 
 def _placed(
     pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], Float[np.ndarray, "v 3"]]:
-    """Vertices, faces and normals of all pieces once for each place; the vertices are numbered from `count`."""
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
+    """Vertices, faces, normals and colours of all pieces once for each place; vertices are numbered from `count`."""
     own = sum(len(piece.points) for piece in pieces)
     if own * len(places) + count > MOST_VERTICES:
         raise MeshError(f"the glTF scene has more than {MOST_VERTICES} vertices, instances included: export fewer")
@@ -75,7 +80,7 @@ def _placed(
     faces = np.where(mirrored, triangles[:, ::-1], triangles) + (count + own * np.arange(len(places)))[:, None, None]
     arrays = (np.concatenate(moved, axis=1), faces, np.concatenate(tilts, axis=1))
     vertices, faces, normals = (array.reshape(-1, 3) for array in arrays)
-    return vertices, faces, normals
+    return vertices, faces, normals, np.tile(np.concatenate([p.colors for p in pieces]), (len(places), 1))
 
 
 def _node_places(
@@ -125,9 +130,11 @@ def _piece(document: Document, primitive: dict[str, Any], weights: list[float]) 
             points = points + weight * document.values(target["POSITION"])
         if "NORMAL" in target and "NORMAL" in attributes:
             normals = normals + weight * document.values(target["NORMAL"])
-    if points.shape != normals.shape or points.shape[1] != 3:
-        raise MeshError("positions, normals and morph targets of a glTF primitive do not fit: the file is damaged")
-    return _Piece(points, normals, triangles, bool(active))
+    colored = "COLOR_0" in attributes and document.has_data(attributes["COLOR_0"])
+    colors = document.values(attributes["COLOR_0"])[:, :3].astype(np.float64) if colored else np.ones_like(points)
+    if points.shape != normals.shape or points.shape != colors.shape or points.shape[1] != 3:
+        raise MeshError("positions, normals, colours and targets of a glTF primitive do not fit: the file is damaged")
+    return _Piece(points, normals, triangles, colors, colored, bool(active))
 
 
 def _places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:

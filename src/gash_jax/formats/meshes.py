@@ -12,17 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from jaxtyping import Float
 
 from gash_jax.algebra.arguments import shown
 from gash_jax.files.atomic import as_path
 from gash_jax.formats.gltf import read_gltf
 from gash_jax.formats.gltf_document import named_files
-from gash_jax.formats.mesh_files import READERS, read_mesh_file
+from gash_jax.formats.mesh_files import READERS, read_mesh_file, read_point_file
 from gash_jax.formats.others import from_trimesh, is_trimesh
 from gash_jax.formats.ply import write_ply
-from gash_jax.geometry.checks import checked_mesh
+from gash_jax.geometry.checks import checked_mesh, checked_points
 from gash_jax.geometry.health import HealthReport, prepare_mesh
-from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh, transform
+from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh, normalized, transform
 
 if TYPE_CHECKING:
     import trimesh
@@ -69,8 +70,7 @@ def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
     >>> report.counts["isolated_vertices"], report.planar
     (1, True)
     """
-    if not isinstance(up, str) or up not in TO_Y_UP:
-        raise MeshError(f"unknown up axis {shown(up)}: choose one of {', '.join(TO_Y_UP)}")
+    _check_up(up)
     if isinstance(source, Mesh):
         mesh = checked_mesh(source)
         mesh = mesh if up == "y" else transform(mesh, TO_Y_UP[up].astype(np.float64))
@@ -88,6 +88,44 @@ def read_mesh(source: MeshLike, up: str = "y") -> tuple[Mesh, HealthReport]:
             raise MeshError(f"{os.fspath(source)}: {error}") from None
         raise
     return mesh, report._replace(notes=raw.notes + report.notes)
+
+
+def vertex_colors(source: MeshLike) -> Float[np.ndarray, "v 3"]:
+    """Linear RGB of every vertex of a mesh file or a trimesh.Trimesh. Raises MeshError where it has none.
+
+    Colours of whole numbers in PLY files, of OBJ files and of trimesh are sRGB and decoded; floats in PLY files and
+    glTF's COLOR_0 are linear already.
+    """
+    colors = None if isinstance(source, Mesh) else _raw(source).colors
+    if colors is None:
+        name = os.fspath(source) if isinstance(source, str | os.PathLike) else "the mesh"
+        raise MeshError(f"{name} has no colours of vertices: give the albedo as a number, a colour or an array")
+    return colors.astype(np.float32)
+
+
+def read_points(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, bool]:
+    """Points with unit normals in a PLY file, as a mesh without faces, and whether their normals have no sign.
+
+    Those of Gaussian splats are shortest axes, which point either way. Normals of any length are made unit; 0 stays 0.
+    Raises MeshError where there are none, or where one is not finite.
+    """
+    _check_up(up)
+    points, normals, unsigned = read_point_file(Path(path))
+    bad = np.any(~np.isfinite(normals), axis=1)
+    if bad.any():
+        raise MeshError(
+            f"{path}: {bad.sum()} of {len(normals)} normals are not finite (first: {np.argmax(bad)}): repair them"
+        )
+    upright = normalized(normals.astype(np.float64)) @ TO_Y_UP[up].T
+    try:
+        return checked_points(points.astype(np.float64) @ TO_Y_UP[up].T, upright), unsigned
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
+
+
+def _check_up(up: object) -> None:
+    if not isinstance(up, str) or up not in TO_Y_UP:
+        raise MeshError(f"unknown up axis {shown(up)}: choose one of {', '.join(TO_Y_UP)}")
 
 
 def mesh_files(path: str | os.PathLike[str]) -> list[Path]:

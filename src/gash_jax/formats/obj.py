@@ -1,7 +1,8 @@
 """Wavefront OBJ files: vertex i is the i-th `v` line, whatever the faces do with it.
 
 `vn` lines are read apart and brought to the vertices: the different normals that the corners at a vertex name are
-averaged, each counted once. Texture coordinates, groups and materials are ignored. A backslash at the end of a line
+averaged, each counted once. Vertex lines of six or more numbers, if all are, give sRGB colours after the position.
+Texture coordinates, groups and materials are ignored. A backslash at the end of a line
 joins it to the next, except in comments and in names, where it is the end of a Windows folder.
 """
 
@@ -10,6 +11,7 @@ import re
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from gash_jax.formats.colors import linear_rgb
 from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
 from gash_jax.formats.polygons import triangulate
 from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
@@ -30,7 +32,9 @@ def read_obj(data: bytes) -> RawMesh:
     is_vertex = (characters[begins] == ord("v")) & blank
     is_normal = (characters[begins] == ord("v")) & (second == ord("n"))
     is_face = (characters[begins] == ord("f")) & blank
-    vertices = leading_columns(*parse_rows(_only(characters, begins, is_vertex, 1)), 3)
+    numbers, rows = parse_rows(_only(characters, begins, is_vertex, 1))
+    vertices = leading_columns(numbers, rows, 3)
+    colors = linear_rgb(leading_columns(numbers, rows, 6)[:, 3:]) if np.diff(rows).min(initial=6) >= 6 else None
     if len(vertices) != np.count_nonzero(is_vertex):
         raise MeshError("a `v` line without numbers: the file is damaged")
     position, normal, line = _corners(_only(characters, begins, is_face, 1))
@@ -40,13 +44,13 @@ def read_obj(data: bytes) -> RawMesh:
     faces, notes = triangulate(corners, sizes, vertices)
     named = normal != 0
     if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
-        return RawMesh(vertices, faces, None, notes)
+        return RawMesh(vertices, faces, None, notes, colors)
     normals = leading_columns(*parse_rows(_only(characters, begins, is_normal, 2)), 3)
     which = _resolve(normal[named], np.searchsorted(np.flatnonzero(is_normal), face_lines[named]))
     if np.any((which < 0) | (which >= len(normals))):
         raise MeshError("a face names a `vn` line that does not exist: export the file again")
     averaged, note = _at_vertices(corners[named], which, normals, len(vertices))
-    return RawMesh(vertices, faces, averaged, notes + note)
+    return RawMesh(vertices, faces, averaged, notes + note, colors)
 
 
 def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from gash_jax.formats.colors import linear_rgb
 from gash_jax.geometry.mesh import MeshError, RawMesh
 
 # suffix and the package that trimesh needs for it
@@ -49,12 +50,13 @@ def from_trimesh(source: Any) -> RawMesh:
     """Vertices and faces of a trimesh.Trimesh, or of all meshes in a trimesh.Scene in its order, each in its place.
 
     Normals are those that the meshes were given or that trimesh has computed already; unless all have some, they are
-    left to be computed.
+    left to be computed. Of a single mesh the colours of the vertices are read as well, which trimesh holds in sRGB.
     """
     import trimesh  # imported already: a value of its own was given
 
     if isinstance(source, trimesh.Trimesh):
-        return RawMesh(np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source))
+        arrays = np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source)
+        return RawMesh(*arrays, colors=_own_colors(source))
     placed = [
         (source.geometry[name], np.asarray(place)) for place, name in map(source.graph.get, source.graph.nodes_geometry)
     ]
@@ -74,3 +76,9 @@ def from_trimesh(source: Any) -> RawMesh:
 def _own_normals(mesh: Any) -> Float[np.ndarray, "v 3"] | None:
     # as trimesh's own exporters ask; `vertex_normals` itself would compute them
     return np.asarray(mesh.vertex_normals) if "vertex_normals" in mesh._cache else None
+
+
+def _own_colors(mesh: Any) -> Float[np.ndarray, "v 3"] | None:
+    if mesh.visual.kind != "vertex":
+        return None
+    return linear_rgb(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255)

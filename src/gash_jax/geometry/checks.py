@@ -70,14 +70,34 @@ def checked_mesh(mesh: Mesh) -> Mesh:
     vertices, normals, faces = (np.asarray(array) for array in mesh)
     points = checked_vertices(vertices)
     faces, normals = checked_faces(faces, len(points)), checked_normals(normals, len(points)).astype(np.float32)
+    _check_lengths(normals, "normalise them, or give (vertices, faces, normals), which does")
+    checked = Mesh(vertices.astype(np.float32, copy=False), normals, faces)
+    checked_box(points, referenced(checked))
+    return checked
+
+
+def checked_points(points: Shaped[np.ndarray, "..."], normals: Shaped[np.ndarray, "..."]) -> Mesh:
+    """Points with normals of length 1 or 0, as a mesh without faces; in float32. Raises MeshError."""
+    if points.ndim != 2 or points.shape[1:] != (3,) or not len(points) or points.dtype.kind not in "fiu":
+        raise MeshError(f"points must be real numbers of shape (p, 3), not {points.dtype} {points.shape}")
+    if normals.shape != points.shape or normals.dtype.kind not in "fiu":
+        raise MeshError(
+            f"normals have shape {normals.shape} {normals.dtype}, points {points.shape}: give one per point"
+        )
+    bad = np.any(~(np.abs(points.astype(np.float64)) < np.finfo(np.float32).max), axis=1)
+    if bad.any():
+        raise MeshError(f"{bad.sum()} of {len(points)} points are not finite (first: {np.argmax(bad)}): leave them out")
+    upright = normals.astype(np.float32)
+    _check_lengths(upright, "normalise them; 0 stands for none")
+    return Mesh(points.astype(np.float32), upright, np.zeros((0, 3), np.int32))
+
+
+def _check_lengths(normals: Float[np.ndarray, "v 3"], advice: str) -> None:
+    """Raise MeshError unless all normals are of length 1 or 0."""
     length = lengths(normals)
     bad = ~((np.abs(length - 1) <= _UNIT) | (length == 0))
     if bad.any():
         first = int(np.argmax(bad))
         raise MeshError(
-            f"{bad.sum()} of {len(points)} normals are not of length 1 (first: {first}, {length[first]:.3g}): "
-            "normalise them, or give (vertices, faces, normals), which does"
+            f"{bad.sum()} of {len(normals)} normals are not of length 1 (first: {first}, {length[first]:.3g}): {advice}"
         )
-    checked = Mesh(vertices.astype(np.float32, copy=False), normals, faces)
-    checked_box(points, referenced(checked))
-    return checked

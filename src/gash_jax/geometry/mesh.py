@@ -61,6 +61,7 @@ class RawMesh(NamedTuple):
     faces: Int[np.ndarray, "f 3"]
     normals: Num[np.ndarray, "v 3"] | None = None  # not finite or 0 where a vertex has none
     notes: tuple[str, ...] = ()  # what reading had to decide
+    colors: Num[np.ndarray, "v 3"] | None = None  # linear RGB
 
 
 def referenced(mesh: Mesh) -> Bool[np.ndarray, "v"]:

@@ -18,7 +18,8 @@ mesh is at most CAUTION times the one asked for.
 """
 
 import time
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,13 +29,20 @@ from gash_jax.algebra.arguments import RealNumber, WholeNumber, real_number, sho
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
-from gash_jax.prt.bake import free_and_dark, standard_error_floor
+from gash_jax.prt.bake import free_and_dark
+from gash_jax.prt.error_bars import standard_error_floor
 from gash_jax.prt.integrands import direct, to_world
-from gash_jax.prt.rays import VisibilityFn, trace_geometry
+from gash_jax.prt.rays import VisibilityFn
 from gash_jax.prt.sampling import korobov
+from gash_jax.prt.scene import as_occluders, as_points, make_scene
 from gash_jax.prt.tracing import ProgressFn, Rows, active_rows, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
+
+if TYPE_CHECKING:
+    from jax import Array
+
+    from gash_jax.algebra.arguments import ArrayLike
 
 MOST_RAYS = 1 << 15
 # what is aimed at, of the error asked for: meshes of planes and straight edges come out up to a quarter worse
@@ -123,6 +131,9 @@ def bake_to_error(
     error: RealNumber,
     bands: WholeNumber = 3,
     *,
+    points: "ArrayLike | Array | None" = None,
+    normals: "ArrayLike | Array | None" = None,
+    occluders: Sequence[MeshLike] = (),
     seed: WholeNumber = 0,
     backend: str = "embree",
     progress: ProgressFn | None = None,
@@ -132,25 +143,27 @@ def bake_to_error(
     `standard_error` is calibrated for irregular scenes; read it with Student's t at 3 degrees of freedom. The
     metadata's `modelled` says which share of the vertices stayed with a formula and how many rays each round took;
     `estimated_error` is what the bake believes it reached. `progress(done, total)` counts rays, the total as
-    expected so far. Vertices stop at 2^15 rays each. Raises ValueError for options out of range.
+    expected so far. Vertices stop at 2^15 rays each. `points` with `normals` and `occluders` are those of
+    `bake_transfer`. Raises ValueError for options out of range.
 
     >>> transfer = gash_jax.bake_to_error("bunny.ply", 0.05)
     >>> transfer.metadata["estimated_error"] <= 0.05
     True
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
-    error = check_error(error)
+    error, given, blockers = check_error(error), as_points(points, normals), as_occluders(occluders)
     started = time.perf_counter()
-    geometry = trace_geometry(mesh)
-    visible = visibility(geometry.vertices, geometry.faces, backend)
+    scene = make_scene(mesh, given, blockers).receivers_alone()
+    receivers = mesh if given is None else given
+    visible = visibility(scene.geometry.vertices, scene.geometry.faces, backend)
     built = time.perf_counter()
-    shifts = np.random.default_rng(seed).random((len(mesh.vertices), 1, 2), np.float32)
-    active, rows = active_rows(mesh, geometry, None, shifts)
-    coefficients, errors = (np.zeros((len(mesh.vertices), bands**2), np.float32) for _ in range(2))
+    shifts = np.random.default_rng(seed).random((len(receivers.vertices), 1, 2), np.float32)
+    active, rows = active_rows(receivers, scene.geometry, None, shifts)
+    coefficients, errors = (np.zeros((len(receivers.vertices), bands**2), np.float32) for _ in range(2))
     report: dict[str, Any] = {"rounds": [], "estimated_error": 0.0, "modelled": {}}
     rays_total = 0
     if len(active):
-        smooth = neighbour_mean(mesh, active)
+        smooth = neighbour_mean(receivers, active)
         state, report = run_rounds(rows, error, bands, visible, smooth, progress)
         rays_total = int(state.rays.sum())
         quarters = np.asarray(to_world(state.quarters, rows.frames))
@@ -160,13 +173,13 @@ def bake_to_error(
     metadata = make_metadata(
         bands,
         "bake to error",
-        {"error": error, "seed": seed, "backend": backend},
+        {"error": error, "seed": seed, "backend": backend, **({"occluders": len(blockers)} if blockers else {})},
         rays_total=rays_total,
         **report,
-        ray_offset=geometry.offset,
+        ray_offset=scene.geometry.offset,
         seconds={"build": built - started, "trace": finished - built, "total": finished - started},
     )
-    return Transfer(coefficients, errors, mesh.vertices, mesh.normals, mesh.faces, metadata)
+    return Transfer(coefficients, errors, *receivers, metadata)
 
 
 def run_rounds(

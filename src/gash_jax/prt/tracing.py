@@ -44,9 +44,14 @@ class Rows(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """What an integrand sums: c vertices with r rows of n rays each, and what the rays found."""
+    """What an integrand sums: c vertices with r rows of n rays each, and what the rays found.
+
+    Of the c vertices those at `inner` are the vertices `own` of all; the others fill the chunk up, untraced.
+    """
 
     rows: Rows
+    own: slice
+    inner: slice
     lattice: str
     directions: Float[np.ndarray, "c r n 3"]
     answer: Bool[np.ndarray, "c r n"] | Hits  # True where a ray is free, or the nearest hits, each (c, r, n)
@@ -66,11 +71,13 @@ def active_rows(
 ) -> tuple[np.ndarray, Rows]:
     """Indices of the vertices that have a normal, and their rows; `shifts` (v, r, 2) counts all vertices."""
     active = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
-    chosen = np.asarray(orthonormal_frame(mesh.normals[active])) if frames is None else _checked(frames, mesh, active)
+    chosen = (
+        np.asarray(orthonormal_frame(mesh.normals[active])) if frames is None else checked_frames(frames, mesh, active)
+    )
     return active, Rows(geometry.origins[active], chosen.astype(np.float32), shifts[active])
 
 
-def _checked(frames: object, mesh: Mesh, active: np.ndarray) -> Float[np.ndarray, "a 3 3"]:
+def checked_frames(frames: object, mesh: Mesh, active: np.ndarray) -> Float[np.ndarray, "a 3 3"]:
     """The frames of the active vertices. Raises ValueError unless they are orthonormal, the normal last."""
     given = np.asarray(as_array(frames))
     if given.shape != (len(mesh.vertices), 3, 3) or not is_real(given):
@@ -94,6 +101,14 @@ def chunk_size(count: int, rays: int) -> int:
     return 1 << max(0, min((RAYS_PER_CHUNK // rays).bit_length() - 1, (count - 1).bit_length()))
 
 
+def chunks_of(count: int, rays: int, part: slice = slice(None)) -> list[slice]:
+    """The vertices of each chunk, of `count` vertices with `rays` rays each or of a part of them."""
+    first, last, _ = part.indices(count)
+    size = chunk_size(count, rays)
+    starts = range(first // size * size, last, size)
+    return [slice(max(start, first), min(start + size, last)) for start in starts]
+
+
 def trace_rows(
     rows: Rows,
     integrand: Integrand,
@@ -111,49 +126,53 @@ def trace_rows(
     are consecutive rows, at least one. `progress(done, total)` counts rows, from the threads.
     """
     count, rotations = rows.shifts.shape[:2]
-    first, last, _ = part.indices(count)
-    size = chunk_size(count, rotations * n)
     result, found = None, np.zeros(count, np.float32)
+    chunks = chunks_of(count, rotations * n, part)
     lock, done = threading.Lock(), 0
 
-    def work(start: int) -> None:
+    def work(own: slice) -> None:
         nonlocal result, done
-        own = slice(max(start, first), min(start + size, last))
-        # what a chunk lacks is filled with one of its own rows: one shape, one compilation
-        index = np.clip(np.arange(start, start + size), own.start, own.stop - 1)
-        inner, known = slice(own.start - start, own.stop - start), None if share is None else share[index]
-        sums, free = _chunk_sums(rows.take(index), integrand, n, query, known, inner, lattice)
+        chunk, free = trace_chunk(rows, own, integrand.density, query, n, share, lattice)
+        sums = np.asarray(integrand.integrate(chunk))
         with lock:
             result = np.zeros((count, *sums.shape[1:]), sums.dtype) if result is None else result
-        result[own], found[own] = sums[inner], free[inner]
+        result[own], found[own] = sums[chunk.inner], free[chunk.inner]
         with lock:
             done += own.stop - own.start
             if progress:
-                progress(done, last - first)
+                progress(done, chunks[-1].stop - chunks[0].start)
 
-    _in_threads(work, range(first // size * size, last, size))
+    in_threads(work, chunks)
     assert result is not None
     return result, found
 
 
-def _chunk_sums(
+def trace_chunk(
     rows: Rows,
-    integrand: Integrand,
-    n: int,
+    own: slice,
+    density: Density,
     query: RayQuery,
-    share: Float[np.ndarray, "c"] | None,
-    inner: slice,
-    lattice: str,
-) -> tuple[Float[np.ndarray, "c r ..."], Float[np.ndarray, "c"]]:
-    """Sums and free shares of a chunk; only the rays of the rows `inner` are traced."""
-    shape = (*rows.shifts.shape[:2], n)
-    origins, directions = (np.asarray(a) for a in sample_rays(*rows, n, lattice, integrand.density))
-    rays = slice(*(edge * shape[1] * n for edge in (inner.start, inner.stop)))
+    n: int,
+    share: Float[np.ndarray, "a"] | None = None,
+    lattice: str = "hammersley",
+) -> tuple[Chunk, Float[np.ndarray, "c"]]:
+    """What the rays of one of the chunks of `chunks_of` meet, and the free share of each of its vertices.
+
+    Only the rays of the vertices `own` are traced.
+    """
+    count, rotations = rows.shifts.shape[:2]
+    size = chunk_size(count, rotations * n)
+    start = own.start // size * size
+    # what a chunk lacks is filled with one of its own rows: one shape, one compilation
+    index = np.clip(np.arange(start, start + size), own.start, own.stop - 1)
+    inner, some, shape = slice(own.start - start, own.stop - start), rows.take(index), (size, rotations, n)
+    origins, directions = (np.asarray(a) for a in sample_rays(*some, n, lattice, density))
+    rays = slice(*(edge * rotations * n for edge in (inner.start, inner.stop)))
     answer = jax.tree.map(partial(_spread, rays, shape), query(origins[rays], directions[rays]))
     free = answer.face < 0 if isinstance(answer, Hits) else answer
-    seen = np.count_nonzero(free, axis=(1, 2)).astype(np.float32) / np.float32(shape[1] * n)
-    chunk = Chunk(rows, lattice, directions.reshape(*shape, 3), answer, seen if share is None else share)
-    return np.asarray(integrand.integrate(chunk)), seen
+    seen = np.count_nonzero(free, axis=(1, 2)).astype(np.float32) / np.float32(rotations * n)
+    known = seen if share is None else share[index]
+    return Chunk(some, own, inner, lattice, directions.reshape(*shape, 3), answer, known), seen
 
 
 def _spread(
@@ -167,11 +186,11 @@ def _spread(
     return everywhere.reshape(shape)
 
 
-def _in_threads(work: Callable[[int], None], starts: range) -> None:
-    """Call `work` for every start; the first exception ends it all, Ctrl-C in the main thread included."""
-    threads = min(available_cores() + 1, len(starts))  # one more than cores fills the gaps between kernels
+def in_threads(work: Callable[[slice], None], chunks: list[slice]) -> None:
+    """Call `work` for every chunk; the first exception ends it all, Ctrl-C in the main thread included."""
+    threads = min(available_cores() + 1, len(chunks))  # one more than cores fills the gaps between kernels
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work, start) for start in starts]
+        futures = [pool.submit(work, chunk) for chunk in chunks]
         try:
             for future in as_completed(futures):
                 future.result()

@@ -7,11 +7,13 @@ from typing import Any
 import click
 
 from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.apps.albedo import albedo_file, read_albedo
 from gash_jax.apps.commands.plan import plan_text
 from gash_jax.apps.options import (
     PATH,
     Command,
     bands_option,
+    bounces_option,
     check_layout,
     layout_option,
     light_option,
@@ -29,7 +31,8 @@ from gash_jax.measure.metrics import relrmse
 from gash_jax.prt.bake import bake_transfer, choose_replicates
 from gash_jax.prt.error_target import bake_to_error, check_error
 from gash_jax.prt.plan import Plan, plan_bake
-from gash_jax.prt.transfer import Transfer, save_transfer
+from gash_jax.prt.scene import load_points
+from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
 
 
 @click.command(cls=Command, epilog="gash bake bunny.ply -o bunny.npz --error 0.02")
@@ -47,6 +50,14 @@ from gash_jax.prt.transfer import Transfer, save_transfer
     help="Independent point sets the rays are split into for the standard error.  [default: 4; 1 below 16 rays]",
 )
 @click.option("--glossy", is_flag=True, help="As many rays again for glossy transfer: visibility in 2 bands - 1 bands.")
+@bounces_option
+@click.option(
+    "--albedo",
+    metavar="0.6|R,G,B|vertex|FILE",
+    help="With --bounces: one number, one colour, the vertices' colours, or a .npy or .npz file with one a vertex.",
+)
+@click.option("--points", "points_path", type=PATH, help="Bake these points with normals, or splats, instead (.ply).")
+@click.option("--occluders", type=PATH, multiple=True, help="A mesh that casts shadow, and gets none; repeatable.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the rays.")
 @up_option
 @quiet_option
@@ -61,6 +72,10 @@ def bake(
     layout: str | None,
     replicates: int | None,
     glossy: bool,
+    bounces: int,
+    albedo: str | None,
+    points_path: Path | None,
+    occluders: tuple[Path, ...],
     seed: int,
     up: str,
     quiet: bool,
@@ -73,8 +88,15 @@ def bake(
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
     if to_error and glossy:
         raise click.UsageError("--glossy is baked with a number of rays: give --rays in place of --error or --auto")
+    if bounces and to_error:
+        raise click.UsageError("--bounces goes with a number of rays: give --rays in place of --error or --auto")
+    if (bounces > 0) != (albedo is not None):
+        raise click.UsageError("--bounces and --albedo go together: give how often light bounces, and off what")
+    if auto and (points_path or occluders):
+        raise click.UsageError("--auto plans a mesh alone: give --rays or --error with --points and --occluders")
     check_layout(layout, light_path)
-    check_writable(output, [*mesh_files(mesh), light_path])
+    surfaces = [file for path in (mesh, *occluders) for file in mesh_files(path)]
+    check_writable(output, [*surfaces, light_path, points_path, albedo_file(albedo)])
     error, rays = 0.02 if error is None else error, 256 if rays is None else rays
     if to_error:
         check_error(error)
@@ -83,6 +105,10 @@ def bake(
     light = None if light_path is None else load_light(light_path, MAX_BANDS, layout).coefficients
     started = time.perf_counter()
     surface, health = read_mesh(mesh, up)
+    points, normals = load_points(points_path, surface, up) if points_path else (None, None)
+    scene: dict[str, Any] = {"points": points, "normals": normals}
+    scene["occluders"] = [read_mesh(path, up)[0] for path in occluders]
+    colors = None if albedo is None else read_albedo(albedo, [mesh, *occluders])
     read = time.perf_counter() - started
     plan = plan_bake(surface, error, bands=bands, light=light, seed=seed) if auto else None
     if plan is not None:
@@ -90,10 +116,10 @@ def bake(
         bands = plan.bands
     with progress_bar(f"baking {mesh.name}", quiet) as update:
         if to_error:
-            transfer = bake_to_error(surface, error, bands, seed=seed, progress=update)
+            transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
         else:
-            options = {"replicates": replicates, "seed": seed, "glossy": glossy}
-            transfer = bake_transfer(surface, bands, rays, **options, progress=update)
+            reflected = {"bounces": bounces, "albedo": colors, "glossy": glossy, "replicates": replicates}
+            transfer = bake_transfer(surface, bands, rays, **scene, **reflected, seed=seed, progress=update)
     entries = _entries_of_aim(transfer, plan) if to_error else transfer.metadata
     seconds = {**entries["seconds"], "read": read}
     transfer = transfer._replace(metadata={**entries, "health": health.to_dict(), "seconds": seconds})
@@ -123,8 +149,10 @@ def _estimated(transfer: Transfer) -> list[str]:
         return []
     relative = relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
     lines = [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
-    seen = transfer.metadata.get("visibility", {}).get("relative_error")
-    return lines if seen is None else [*lines, f"estimated relative error of the visibility {seen:.2%}"]
+    for name in GLOSSY:
+        error = transfer.metadata.get(name, {}).get("relative_error")
+        lines += [] if error is None else [f"estimated relative error of the {name} {error:.2%}"]
+    return lines
 
 
 def _summary(transfer: Transfer, health: HealthReport) -> list[str]:
