@@ -42,7 +42,7 @@ class Estimate(NamedTuple):
     replicas: Float[np.ndarray, "a r k"] | Float[np.ndarray, "a r k 3"]  # world
     share: Float[np.ndarray, "a"]  # of each row's rays that are free
     told: dict[str, Any]  # for the metadata
-    # what the vertices of the surface send in the last bounce, grey; None without one, or in colour
+    # what the vertices of the surface send in the last bounce; None without one, and of coloured surfaces
     sent: Float[np.ndarray, "s r k"] | None = None
 
 
@@ -77,6 +77,73 @@ def describe_albedo(albedo: object) -> Any:
     return {"shape": list(found.shape), "mean": float(found.mean())}
 
 
+class Exchange:
+    """The rays of a bake, and how the light of one bounce becomes that of the next.
+
+    `rows` are those of the starts `active`: the vertices of the surface that have a normal, and points after them.
+    Each has r rows of n rays. `direct` integrates over what is free, `query` answers with the nearest hits.
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        direct: Integrand,
+        n: int,
+        query: RayQuery,
+        *,
+        active: Int[np.ndarray, "a"],
+        surface: Mesh,
+        share: Float[np.ndarray, "a"] | None = None,
+        progress: ProgressFn | None = None,
+    ):
+        self.rows, self.n, self.query, self.density = rows, n, query, direct.density
+        self.active, self.vertices, self.mirror = active, len(surface.vertices), reflector(surface)
+        self.kept, self.traced_again = _Store(MOST_KEPT), 0
+        self.sent: Float[np.ndarray, "s r k c"] | None = None  # what the surface sends in the last bounce
+
+        def integrate(chunk: Chunk) -> Array | np.ndarray:
+            assert isinstance(chunk.answer, Hits)
+            self.kept.add(chunk.own, _hits_of(self.mirror, chunk))
+            return direct.integrate(chunk._replace(answer=chunk.answer.face < 0))
+
+        remembering = Integrand(direct.density, "closest", integrate)
+        local, self.share = trace_rows(rows, remembering, n, query, share=share, progress=progress)
+        # (a, r, k, 1) of the world: D, the same for all colours
+        self.first = np.asarray(to_world(local, rows.frames))[..., None]
+
+    def bounce(
+        self,
+        transfer: Float[np.ndarray, "a r k _"],
+        albedo: Float[np.ndarray, "s c"],
+        out: Float[np.ndarray, "a r k c"] | None = None,
+    ) -> Float[np.ndarray, "a r k c"]:
+        """D + W (albedo * transfer), replicate by replicate; `out`, where the result goes, may be `transfer` itself."""
+        count, replicates = self.rows.shifts.shape[:2]
+        shape = (*self.first.shape[:3], albedo.shape[1])
+        self.sent = sent = np.zeros((self.vertices, *shape[1:]), np.float32)
+        result = np.empty(shape, np.float32) if out is None else out
+        chunks = chunks_of(count, replicates * self.n)
+
+        def send(part: slice) -> None:
+            own = self.active[part]
+            own = own[own < self.vertices]  # points send nothing
+            sent[own] = albedo[own][:, None, None] * transfer[part][: len(own)]
+
+        def receive(part: slice) -> None:
+            found = sums_at_hits(self.mirror, self.hits(part), sent.reshape(*sent.shape[:2], -1), 1 / self.n)
+            result[part] = self.first[part] + found.reshape(-1, *shape[1:])
+
+        in_threads(send, chunks)
+        in_threads(receive, chunks)
+        self.traced_again += (count - self.kept.rows) * replicates * self.n
+        return result
+
+    def hits(self, part: slice) -> KeptHits:
+        """What the rays of one chunk meet: kept, or traced again."""
+        kept = self.kept.get(part)
+        return kept or _hits_of(self.mirror, trace_chunk(self.rows, part, self.density, self.query, self.n)[0])
+
+
 def bounced_transfer(
     rows: Rows,
     direct: Integrand,
@@ -90,54 +157,24 @@ def bounced_transfer(
     share: Float[np.ndarray, "a"] | None = None,
     progress: ProgressFn | None = None,
 ) -> Estimate:
-    """Transfer with up to `bounces` bounces for every row, n rays each; of three colours where the albedo has them.
+    """Transfer of all rows with up to `bounces` bounces, of three colours where the albedo has them (see `Exchange`).
 
-    `rows` are those of the starts `active`: the vertices of the surface that have a normal, and points after them.
-    `direct` integrates over what is free, `query` answers with the nearest hits. `progress` counts all passes.
+    `progress` counts the rows of all passes.
     """
-    mirror, kept = reflector(surface), _Store(MOST_KEPT)
-    count, replicates = rows.shifts.shape[:2]
-    total = count * (bounces + 1)
-
-    def integrate(chunk: Chunk) -> Array | np.ndarray:
-        assert isinstance(chunk.answer, Hits)
-        kept.add(chunk.own, _hits_of(mirror, chunk))
-        return direct.integrate(chunk._replace(answer=chunk.answer.face < 0))
-
-    def hits_at(own: slice) -> KeptHits:
-        return kept.get(own) or _hits_of(mirror, trace_chunk(rows, own, direct.density, query, n)[0])
-
-    tell = None if progress is None else lambda done, _: progress(done, total)
-    local, free = trace_rows(
-        rows, Integrand(direct.density, "closest", integrate), n, query, share=share, progress=tell
-    )
-    first = np.asarray(to_world(local, rows.frames))[..., None]
-    del local
-    started, found, own = time.perf_counter(), first, active[active < len(surface.vertices)]
-    shape = (*first.shape[:3], albedo.shape[1])
-    sent = np.zeros((len(surface.vertices), *shape[1:]), np.float32)
-    fresh = np.empty(shape, np.float32)
-    chunks = chunks_of(count, replicates * n)
-
-    def send(part: slice) -> None:
-        vertices = active[part][: max(0, len(own) - part.start)]
-        sent[vertices] = albedo[vertices][:, None, None] * found[part][: len(vertices)]
-
-    def receive(part: slice) -> None:
-        values = sent.reshape(*sent.shape[:2], -1)
-        fresh[part] = first[part] + sums_at_hits(mirror, hits_at(part), values, 1 / n).reshape(-1, *shape[1:])
-
+    count = len(rows.origins)
+    tell = None if progress is None else lambda done, _: progress(done, count * (bounces + 1))
+    exchange = Exchange(rows, direct, n, query, active=active, surface=surface, share=share, progress=tell)
+    started, found = time.perf_counter(), exchange.first
     for bounce in range(1, bounces + 1):
-        in_threads(send, chunks)
-        in_threads(receive, chunks)
-        found = fresh
-        if progress is not None:
-            progress(count * (bounce + 1), total)
-    told = {"rays_traced_again": bounces * (count - kept.rows) * replicates * n, "hits_bytes": kept.used}
-    told["seconds_bouncing"] = time.perf_counter() - started
-    if shape[-1] == 3:
-        return Estimate(found, free, {"bounced": told})
-    return Estimate(found[..., 0], free, {"bounced": told}, sent[..., 0])
+        found = exchange.bounce(found, albedo, out=None if bounce == 1 else found)
+        if tell:
+            tell(count * (bounce + 1), 0)
+    told = {"seconds": time.perf_counter() - started, "hits_bytes": exchange.kept.used}
+    told["rays_traced_again"] = exchange.traced_again
+    if found.shape[-1] == 3:
+        return Estimate(found, exchange.share, {"bounced": told})
+    sent = None if exchange.sent is None else exchange.sent[..., 0]
+    return Estimate(found[..., 0], exchange.share, {"bounced": told}, sent)
 
 
 def _hits_of(mirror: Reflector, chunk: Chunk) -> KeptHits:
