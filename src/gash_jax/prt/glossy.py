@@ -71,10 +71,10 @@ def _values(reflected: Reflected, hits: Hits, directions: np.ndarray, row: int) 
 @partial(jax.jit, static_argnames="bands")
 def _matrices(
     seen: Float[Array, "c r j"],
-    directions: Float[np.ndarray, "c r n 3"],
-    found: Float[np.ndarray, "c r n k"],
+    directions: Float[Array | np.ndarray, "c r n 3"],
+    found: Float[Array | np.ndarray, "c r n k"],
     bands: int,
-) -> Float[Array, "c r kk"]:
+) -> Float[Array, "c r m"]:
     """Matrices of what is seen, plus the mean over rays of 2 pi Y_i(w) times what is found there."""
     weight = RAY_WEIGHT / found.shape[2]
     bounced = jnp.einsum("crni,crnj->crij", evaluate_sh(directions, bands), found, precision="highest") * weight
