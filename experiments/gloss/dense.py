@@ -17,6 +17,9 @@ from gash_jax.prt.visibility import visibility
 
 REPLICATES, BLOCK = 4, 10
 
+# (index of vertices (a, 1, 1), directions (a, r, n, 3)) -> (a, r, n)
+Kernel = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 
 class Rays(NamedTuple):
     """The rays of some vertices: `index` into the chosen ones, directions (a, r, n, 3), True where free (a, r, n)."""
@@ -63,12 +66,11 @@ def dense_rays(mesh: Mesh, chosen: np.ndarray, rays: int, seed: int) -> Iterator
 
 
 def integrate(
-    blocks: Iterator[Rays], radiance: Callable[[np.ndarray], np.ndarray], kernels: dict[str, Callable[..., np.ndarray]]
+    blocks: Iterator[Rays], radiance: Callable[[np.ndarray], np.ndarray], kernels: dict[str, Kernel]
 ) -> dict[str, Integral]:
     """Integral of kernel V L over the hemisphere of every vertex, for each kernel.
 
-    `radiance(directions (n, 3))` is (n, 3); a kernel gets the index of vertices (a, 1, 1) and directions
-    (a, r, n, 3), and answers (a, r, n).
+    `radiance(directions (n, 3))` is (n, 3).
     """
     parts: dict[str, list[np.ndarray]] = {name: [] for name in kernels}
     for index, directions, free in blocks:

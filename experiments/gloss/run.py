@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.options import options, saved
 from experiments.gloss.components import component_curves
-from experiments.gloss.dense import Integral, choose_vertices, dense_rays, integrate, only
+from experiments.gloss.dense import Integral, Kernel, choose_vertices, dense_rays, integrate, only
 from gash_jax.algebra.sh import hann_window
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.brdf import Lobe, ggx, phong
@@ -88,12 +88,12 @@ def against_dense_rays(mesh: Mesh, image: np.ndarray, vertices: int, rays: int, 
         everywhere = np.zeros_like(mesh.normals)
         everywhere[chosen] = toward
         axis = mirrored(normals, toward)
-        kernels = {name: _whole(axis, EXPONENTS[name]) for name in EXPONENTS}
-        kernels |= {name: _facets(normals, toward, ROUGHNESS[name] ** 2) for name in ROUGHNESS}
+        kernels = {name: whole_lobe(axis, EXPONENTS[name]) for name in EXPONENTS}
+        kernels |= {name: facets(normals, toward, ROUGHNESS[name] ** 2) for name in ROUGHNESS}
         full = integrate(dense_rays(mesh, chosen, rays, SEED), lambda w: map_radiance(image, w), kernels)
         # what a lobe reflects of a white surroundings is taken out of the microfacets, as their lobe is normalised
         for name in ROUGHNESS:
-            full[name] = Integral(*(part / _albedo(angle, ROUGHNESS[name] ** 2) for part in full[name]))
+            full[name] = Integral(*(part / reflected_share(angle, ROUGHNESS[name] ** 2) for part in full[name]))
         for name, lobe in LOBES.items():
             row: dict = {"lobe": name, "angle": angle, "dense_error": _size(full[name])}
             for count in BANDS:
@@ -102,7 +102,7 @@ def against_dense_rays(mesh: Mesh, image: np.ndarray, vertices: int, rays: int, 
             window = hann_window(max(BANDS), max(BANDS) + 2)
             found = np.asarray(shade(fine, light, window=window, view=everywhere, lobe=lobe))[chosen]
             bands.append(row | {"windowed": relative(found, full[name].value)})
-        few = {name: _cut(axis, lobe) for name, lobe in LOBES.items()}
+        few = {name: _cut_lobe(axis, lobe) for name, lobe in LOBES.items()}
         exact = integrate(dense_rays(mesh, chosen, rays, SEED), lambda w: harmonics(w, GATE) @ light[: GATE**2], few)
         for name, lobe in LOBES.items():
             bakes = np.array([np.asarray(shade(bake, light, view=everywhere, lobe=lobe))[chosen] for bake in coarse])
@@ -115,19 +115,21 @@ def _size(integral: Integral) -> float:
     return float(np.sqrt(np.mean(integral.error**2) / np.mean(integral.value**2)))
 
 
-def _whole(axis: np.ndarray, exponent: float):
+def whole_lobe(axis: np.ndarray, exponent: float) -> Kernel:
+    """Phong's lobe about the mirror directions."""
     return lambda index, w: phong_lobe(np.sum(axis[index] * w, axis=-1), exponent)
 
 
-def _cut(axis: np.ndarray, lobe: Lobe):
+def _cut_lobe(axis: np.ndarray, lobe: Lobe) -> Kernel:
     return lambda index, w: cut_lobe(np.sum(axis[index] * w, axis=-1), np.asarray(lobe.factors)[:GATE])
 
 
-def _facets(normals: np.ndarray, toward: np.ndarray, alpha: float):
+def facets(normals: np.ndarray, toward: np.ndarray, alpha: float) -> Kernel:
+    """GGX microfacets, f (n.w)."""
     return lambda index, w: microfacets(normals[index], toward[index], w, alpha)
 
 
-def _albedo(angle: float, alpha: float) -> float:
+def reflected_share(angle: float, alpha: float) -> float:
     """What microfacets reflect in all towards a view angle."""
     up, (w, area) = np.array([[0.0, 0, 1]]), half_sphere(np.array([0.0, 0, 1]), 400)
     return float(np.sum(area * microfacets(up, viewers(up, angle), w, alpha)))

@@ -50,6 +50,11 @@ from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
     help="Independent point sets the rays are split into for the standard error.  [default: 4; 1 below 16 rays]",
 )
 @click.option("--glossy", is_flag=True, help="As many rays again for glossy transfer: visibility in 2 bands - 1 bands.")
+@click.option(
+    "--components",
+    type=click.IntRange(1, 361),
+    help="With --glossy: write the visibility as so many numbers a vertex, its principal components.",
+)
 @bounces_option
 @click.option(
     "--albedo",
@@ -72,6 +77,7 @@ def bake(
     layout: str | None,
     replicates: int | None,
     glossy: bool,
+    components: int | None,
     bounces: int,
     albedo: str | None,
     points_path: Path | None,
@@ -94,6 +100,10 @@ def bake(
         raise click.UsageError("--bounces and --albedo go together: give how often light bounces, and off what")
     if auto and (points_path or occluders):
         raise click.UsageError("--auto plans a mesh alone: give --rays or --error with --points and --occluders")
+    if components is not None and (not glossy or bounces):
+        raise click.UsageError("--components compresses visibility: give it with --glossy, and without --bounces")
+    if components is not None and components > (2 * bands - 1) ** 2:
+        raise click.UsageError(f"{bands} bands have {(2 * bands - 1) ** 2} components: use that many or fewer")
     check_layout(layout, light_path)
     surfaces = [file for path in (mesh, *occluders) for file in mesh_files(path)]
     check_writable(output, [*surfaces, light_path, points_path, albedo_file(albedo)])
@@ -123,7 +133,7 @@ def bake(
     entries = _entries_of_aim(transfer, plan) if to_error else transfer.metadata
     seconds = {**entries["seconds"], "read": read}
     transfer = transfer._replace(metadata={**entries, "health": health.to_dict(), "seconds": seconds})
-    save_transfer(output, transfer)
+    save_transfer(output, transfer, components)
     for line in (_reached(transfer, error) if to_error else _estimated(transfer)) + _summary(transfer, health):
         say(line, quiet)
     say(f"wrote {output}", quiet)
