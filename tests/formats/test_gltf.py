@@ -396,3 +396,22 @@ def test_older_versions_and_wide_text_are_refused_by_their_names() -> None:
 def test_bad_files(data: bytes, message: str) -> None:
     with pytest.raises(MeshError, match=message):
         read_gltf(data, HERE)
+
+
+def test_colours_are_linear_and_white_where_there_are_none() -> None:
+    """COLOR_0 of four bytes and of three floats; of two primitives one without, twice in the scene."""
+    file = Gltf()
+    coloured, plain = file.primitive(*TRIANGLE), file.primitive(*TRIANGLE)
+    packed = np.array([[255, 51, 0, 255], [0, 0, 0, 0], [255, 255, 255, 255]], np.uint8)
+    coloured["attributes"]["COLOR_0"] = file.add(packed, "VEC4", normalized=True)
+    file.document |= {"meshes": [{"primitives": [coloured, plain]}], "nodes": [{"mesh": 0}, {"mesh": 0}]}
+    colors = read_gltf(file.glb(), HERE).colors
+    expected = [[1, 0.2, 0], [0, 0, 0], [1, 1, 1], *np.ones((3, 3))]
+    np.testing.assert_allclose(colors, expected * 2)  # type: ignore[arg-type]
+    coloured["attributes"]["COLOR_0"] = file.add(np.full((3, 3), 0.25, "<f4"), "VEC3")
+    np.testing.assert_allclose(read_gltf(file.glb(), HERE).colors[:3], 0.25)  # type: ignore[index]
+    del coloured["attributes"]["COLOR_0"]
+    assert read_gltf(file.glb(), HERE).colors is None
+    coloured["attributes"]["COLOR_0"] = file.add(np.full((2, 3), 0.25, "<f4"), "VEC3")
+    with pytest.raises(MeshError, match="do not fit"):
+        read_gltf(file.glb(), HERE)

@@ -148,3 +148,12 @@ def test_polygons_are_cut_inside_their_outline() -> None:
     areas = vector_areas(raw.vertices, raw.faces[:4])[:, 2]
     assert areas.sum() == areas[areas > 0].sum() == 9 and raw.faces[4].tolist() == [2, 3, 4]
     assert raw.notes == ("1 polygon with concave or straight corners: cut inside the outline, not as a fan",)
+
+
+def test_colours_after_the_position_are_srgb() -> None:
+    text = "v 0 0 0 1 0 0.5\nv 1 0 0 0 0 0\nv 0 1 0 0.02 0 0\nf 1 2 3\n"
+    colors = read_obj(text.encode()).colors
+    assert colors is not None
+    np.testing.assert_allclose(colors, [[1, 0, 0.214041], [0, 0, 0], [0.001548, 0, 0]], atol=1e-6)
+    assert read_obj(text.replace("v 1 0 0 0 0 0", "v 1 0 0").encode()).colors is None
+    np.testing.assert_array_equal(read_obj(text.encode()).vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])

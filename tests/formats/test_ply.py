@@ -7,7 +7,7 @@ import trimesh
 from gash_jax.files.atomic import FileError
 from gash_jax.formats import ply_columns
 from gash_jax.formats.ply import read_ply, write_ply
-from gash_jax.geometry.mesh import Mesh, MeshError, vector_areas
+from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh, vector_areas
 from gash_jax.shapes.primitives import bumpy_sphere
 from tests.geometry.mesh_files import CUBE, CUBE_FACES, CUBE_QUADS, exported, ply_ascii, ply_binary, tempting_mesh
 
@@ -198,3 +198,22 @@ def test_polygons_are_cut_inside_their_outline(kind: str) -> None:
         areas = vector_areas(raw.vertices, raw.faces)[:, 2]
         assert len(raw.faces) == 10 and (areas > 0).all() and areas.sum() == pytest.approx(5)
         assert "cut inside the outline" in raw.notes[0]
+
+
+def test_colours_of_vertices() -> None:
+    """Whole numbers are sRGB, floats linear; without all three there are none."""
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    body = "element face 1\nproperty list uchar int vertex_indices\nend_header\n{}\n3 0 1 2\n"
+
+    def read(kind: str, rows: list[str], names: str = "red green blue") -> RawMesh:
+        properties = "".join(f"property {kind} {name}\n" for name in names.split())
+        return read_ply((head + properties + body.format("\n".join(rows))).encode())
+
+    bytes_ = read("uchar", ["0 0 0 255 0 188", "1 0 0 0 0 0", "0 1 0 10 0 0"]).colors
+    assert bytes_ is not None
+    np.testing.assert_allclose(bytes_, [[1, 0, 0.502886], [0, 0, 0], [0.003035, 0, 0]], atol=1e-6)
+    wide = read("ushort", ["0 0 0 65535 0 48316", "1 0 0 0 0 0", "0 1 0 0 0 0"]).colors
+    np.testing.assert_allclose(wide[0], [1, 0, 0.502886], atol=1e-4)  # type: ignore[index]
+    floats = read("float", ["0 0 0 1 0 0.5", "1 0 0 0 0 0", "0 1 0 0 0 0"]).colors
+    np.testing.assert_allclose(floats[0], [1, 0, 0.5])  # type: ignore[index]
+    assert read("uchar", ["0 0 0 1 0", "1 0 0 0 0", "0 1 0 0 0"], "red green").colors is None

@@ -68,7 +68,7 @@ def test_rectangles_against_radiosity(pair: Any) -> None:
     albedo = np.repeat([0.9, 0.5], len(mesh.vertices) // 2)
     baked = bake_transfer(mesh, rays=4096, bounces=4, albedo=albedo).coefficients
     known = np.isfinite(exact).all(axis=1)  # the vertices on the common edge are not
-    assert known.sum() >= len(known) - 18
+    assert known.sum() >= len(mesh.vertices) - 18
 
     def error(found: np.ndarray, truth: np.ndarray) -> float:
         return float(np.linalg.norm((found - truth)[known]) / np.linalg.norm(truth[known]))
@@ -109,7 +109,7 @@ def test_no_light_through_the_back_of_a_wall() -> None:
     dark = bake_transfer(away, rays=64, bounces=3, albedo=1.0)
     np.testing.assert_array_equal(dark.coefficients[:25], direct.coefficients[:25])
     lit = bake_transfer(towards, rays=64, bounces=3, albedo=1.0).coefficients[:25, 0]
-    assert np.all(lit >= direct.coefficients[:25, 0]) and lit.max() > direct.coefficients[:25, 0].max() + 1e-3
+    assert np.all(lit >= direct.coefficients[:25, 0]) and (lit - direct.coefficients[:25, 0]).max() > 0.01
 
 
 def test_the_winding_does_not_decide_what_is_a_back() -> None:
@@ -118,7 +118,7 @@ def test_the_winding_does_not_decide_what_is_a_back() -> None:
     expected = bake_transfer(towards, rays=64, bounces=2, albedo=0.9).coefficients
     wound = towards._replace(faces=towards.faces[:, [0, 2, 1]])
     np.testing.assert_allclose(bake_transfer(wound, rays=64, bounces=2, albedo=0.9).coefficients, expected, atol=1e-5)
-    turned = _corridor(_wall(True)._replace(normals=-_wall(True).normals))
+    turned = _corridor(Mesh(_wall(True).vertices, -_wall(True).normals, _wall(True).faces))
     dark = bake_transfer(turned, rays=64, bounces=2, albedo=0.9).coefficients[:25]
     assert np.all(dark[:, 0] <= expected[:25, 0]) and np.any(dark[:, 0] < expected[:25, 0] - 1e-3)
 
@@ -140,7 +140,8 @@ def test_a_sheet_with_two_sides_sends_light_to_both() -> None:
 def test_black_surfaces_send_nothing_and_no_bounce_is_a_direct_bake(replicates: int) -> None:
     options: dict[str, Any] = {"rays": 32, "replicates": replicates, "seed": 3}
     direct = bake_transfer(BOWL, **options)
-    for more in ({"bounces": 0}, {"bounces": 0, "albedo": [0.1, 0.2, 0.3]}, {"bounces": 3, "albedo": 0}):
+    mores: list[dict[str, Any]] = [{"bounces": 0}, {"bounces": 0, "albedo": [0.1, 0.2, 0.3]}]
+    for more in [*mores, {"bounces": 3, "albedo": 0}]:
         found = bake_transfer(BOWL, **options, **more)
         np.testing.assert_array_equal(found.coefficients, direct.coefficients)
         if replicates > 1:
@@ -157,6 +158,7 @@ def test_colours_are_three_grey_bakes() -> None:
     for channel, albedo in enumerate(colour):
         grey = bake_transfer(BOWL, **options, albedo=albedo)
         np.testing.assert_allclose(found.coefficients[..., channel], grey.coefficients, atol=1e-6)
+        assert grey.standard_error is not None
         np.testing.assert_allclose(found.standard_error[..., channel], grey.standard_error, atol=1e-6)
     per_vertex = np.broadcast_to(colour, (257, 3))
     np.testing.assert_array_equal(bake_transfer(BOWL, **options, albedo=per_vertex).coefficients, found.coefficients)

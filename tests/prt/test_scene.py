@@ -30,7 +30,7 @@ def _same(found: Any, expected: Any) -> None:
 def test_vertices_given_as_points_get_the_bake_of_their_mesh() -> None:
     """Ray by ray: to the last bit, rows and vertices without normal included; and with points no faces."""
     blind = MESH._replace(normals=np.where(np.arange(len(MESH.vertices))[:, None] % 7 == 0, 0, MESH.normals))
-    points = {"points": blind.vertices, "normals": blind.normals}
+    points: dict[str, Any] = {"points": blind.vertices, "normals": blind.normals}
     whole, probes = bake_transfer(blind, rays=32), bake_transfer(blind, rays=32, **points)
     _same(probes, whole)
     assert probes.faces.shape == (0, 3) and not probes.coefficients[::7].any()
@@ -80,9 +80,10 @@ def test_bounces_come_from_occluders_as_from_the_mesh() -> None:
 
 def test_points_receive_light_that_bounces_and_send_none() -> None:
     """Two crowds of points at the vertices: one does not notice the other, and both see what the vertices see."""
-    points = {"points": LIDDED.vertices, "normals": LIDDED.normals}
+    points: dict[str, Any] = {"points": LIDDED.vertices, "normals": LIDDED.normals}
     options: dict[str, Any] = {"rays": 256, "bounces": 2, "albedo": 0.8}
     own, probes = bake_transfer(LIDDED, **options), bake_transfer(LIDDED, **options, **points)
+    assert own.standard_error is not None and probes.standard_error is not None
     error, claimed = probes.coefficients - own.coefficients, np.hypot(own.standard_error, probes.standard_error)
     assert 0.7 < np.sqrt(np.mean(error**2) / np.mean(claimed**2)) < 1.2
     frames = np.array(orthonormal_frame(LIDDED.normals))
@@ -90,7 +91,7 @@ def test_points_receive_light_that_bounces_and_send_none() -> None:
 
 
 def test_a_bake_to_an_error_of_points_beside_occluders() -> None:
-    points = {"points": MESH.vertices, "normals": MESH.normals}
+    points: dict[str, Any] = {"points": MESH.vertices, "normals": MESH.normals}
     found = bake_to_error(MESH, 0.1, occluders=[LID], **points)
     reference = bake_transfer(MESH, rays=1024, occluders=[LID], **points)
     difference = np.linalg.norm(found.coefficients - reference.coefficients) / np.linalg.norm(reference.coefficients)

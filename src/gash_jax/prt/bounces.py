@@ -13,7 +13,7 @@ replicate r at every vertex. Chains share no ray, so their spread is that of ind
 inside a chain. D_r is blended with the closed form as in a direct bake. Light that returns to the vertex that it came
 from meets the same rays again, an error of the order of the share of one vertex in the scene.
 
-*Memory and time.* The rays of one bake serve all bounces: where they meet fronts is kept, in 8 bytes a hit and up to
+*Memory and time.* The rays of one bake serve all bounces: where they meet fronts is kept, in 8 bytes a hit, up to
 `MOST_KEPT` bytes. Chunks of rays beyond that are traced again for every bounce and meet the same faces, so the result
 is the same to the last bit. Beside the hits there are three arrays (vertices, replicates, coefficients): D, t and a t.
 """
@@ -189,7 +189,7 @@ class _Store:
     """Hits of chunks, up to a number of bytes; safe to fill from several threads."""
 
     def __init__(self, most: int):
-        self.most, self.used, self.rows = most, 0, 0
+        self.most, self.used, self.rows, self.hits = most, 0, 0, 0
         self._hits: dict[int, KeptHits] = {}
         self._lock = threading.Lock()
 
@@ -198,6 +198,7 @@ class _Store:
             if self.used + hits.nbytes <= self.most:
                 self._hits[own.start] = hits
                 self.used += hits.nbytes
+                self.hits += len(hits.face)
                 self.rows += own.stop - own.start
 
     def get(self, own: slice) -> KeptHits | None:

@@ -28,7 +28,7 @@ class Reflector(NamedTuple):
 
 
 class KeptHits(NamedTuple):
-    """The hits on fronts of some rows of rays, row after row, in 8 bytes each.
+    """The hits on fronts of some rows of rays, row after row, in 8 bytes each and 4 for a row.
 
     The weight of a face's first corner is what is left of `ONE`, so that the three never add up to more.
     """
@@ -64,7 +64,7 @@ def meets_front(surface: Reflector, hits: Hits, directions: Float[np.ndarray, "*
 def keep_hits(surface: Reflector, hits: Hits, directions: Float[np.ndarray, "rows n 3"]) -> KeptHits:
     """The hits on fronts of rows of n rays each."""
     front = meets_front(surface, hits, directions)
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(front, axis=-1))])
+    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(front, axis=-1))]).astype(np.int32)
     second = np.clip(np.rint(hits.u[front] * np.float32(ONE)), 0, ONE).astype(np.int32)
     third = np.clip(np.rint(hits.v[front] * np.float32(ONE)).astype(np.int32), 0, ONE - second)
     return KeptHits(starts, hits.face[front], np.stack([second, third], axis=1).astype(np.uint16))

@@ -1,16 +1,19 @@
-"""`gash plan`: what a bake to an error needs, from a few pilot rays."""
+"""`gash plan`: what a bake to an error or a bake with bounces needs, from a few pilot rays."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from gash_jax.algebra.sh import MAX_BANDS
+from gash_jax.apps.albedo import read_albedo
 from gash_jax.apps.options import (
     PATH,
     Command,
     bands_option,
+    bounces_option,
     check_layout,
     json_option,
     layout_option,
@@ -19,6 +22,7 @@ from gash_jax.apps.options import (
 )
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.light.environment import load_light
+from gash_jax.prt.bounce_plan import plan_bounces
 from gash_jax.prt.error_target import check_error
 from gash_jax.prt.plan import plan_bake
 
@@ -27,7 +31,10 @@ from gash_jax.prt.plan import plan_bake
 @click.argument("mesh", type=PATH)
 @light_option("Light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz).")
 @layout_option
-@click.option("--error", type=float, default=0.02, show_default=True, help="Relative error to reach, 0.001 to 1.")
+@click.option("--error", type=float, help="Relative error to reach, 0.001 to 1.  [default: 0.02]")
+@bounces_option
+@click.option("--rays", type=click.IntRange(1, 1 << 20), help="With --bounces: rays per vertex.  [default: 256]")
+@click.option("--albedo", help="With --bounces: three colours R,G,B take longer than one.")
 @bands_option()
 @click.option("--glossy", is_flag=True, help="Plan glossy transfer too: as many rays again, and a larger file.")
 @up_option
@@ -36,20 +43,35 @@ def plan(
     mesh: Path,
     light_path: Path | None,
     layout: str | None,
-    error: float,
+    error: float | None,
+    bounces: int,
+    rays: int | None,
+    albedo: str | None,
     bands: int,
     glossy: bool,
     up: str,
     as_json: bool,
 ) -> None:
     """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
+    if bounces and (light_path or error is not None):
+        raise click.UsageError("--bounces plans a bake of --rays: leave out --light and --error")
+    if bounces and glossy:
+        raise click.UsageError("--glossy is planned without --bounces: leave out one of them")
+    if not bounces and (rays is not None or albedo is not None):
+        raise click.UsageError("--rays and --albedo plan light that bounces: add --bounces")
+    error = 0.02 if error is None else error
     check_error(error)
     check_layout(layout, light_path)
     light = None if light_path is None else load_light(light_path, MAX_BANDS, layout).coefficients
     surface, health = read_mesh(mesh, up)
-    found = plan_bake(surface, error, bands=bands, light=light, glossy=glossy).to_dict()
+    if bounces:
+        coloured = albedo is not None and np.shape(read_albedo(albedo, [mesh]))[-1:] == (3,)
+        found = plan_bounces(surface, bounces, 256 if rays is None else rays, bands=bands, coloured=coloured).to_dict()
+    else:
+        found = plan_bake(surface, error, bands=bands, light=light, glossy=glossy).to_dict()
     values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}
-    click.echo(json.dumps(values) if as_json else plan_text(values))
+    text = bounces_text(values) if bounces else plan_text(values)
+    click.echo(json.dumps(values) if as_json else text)
 
 
 def plan_text(values: dict[str, Any]) -> str:
@@ -66,6 +88,21 @@ def plan_text(values: dict[str, Any]) -> str:
             f"error                {values['error']:g}",
             f"rays                 {values['rays_total'] / 1e6:.3g} M, {values['rays_per_vertex']:.3g} per vertex",
             f"time                 {values['seconds']:.2g} s",
+            f"file                 {values['bytes'] / 2**20:.3g} MiB",
+        ]
+    )
+
+
+def bounces_text(values: dict[str, Any]) -> str:
+    """The plan of a bake with bounces for people."""
+    return "\n".join(
+        [
+            f"reflected rays       {values['reflected_rays']:.1%} meet the front of a face "
+            f"({values['sampled_vertices']} vertices sampled)",
+            f"bounces              {values['bounces']}, {values['bands']} bands",
+            f"rays                 {values['rays_total'] / 1e6:.3g} M, {values['rays_per_vertex']} per vertex",
+            f"time                 {values['seconds']:.2g} s",
+            f"memory               {values['memory'] / 2**20:.3g} MiB beside the mesh",
             f"file                 {values['bytes'] / 2**20:.3g} MiB",
         ]
     )
