@@ -145,7 +145,7 @@ def eigenvalues(mesh: Mesh, counts: list[int]) -> list[dict]:
     return rows
 
 
-def ggx_fit(roughness: float) -> dict:
+def ggx_fit(roughness: float, nodes: int = 600) -> dict:
     """The lobe in all its bands against the microfacets that it stands for, both with integral 1 over the hemisphere's
     directions, at each view angle: relative L2."""
     alpha, up = roughness**2, np.array([[0.0, 0, 1]])
@@ -153,17 +153,17 @@ def ggx_fit(roughness: float) -> dict:
     for angle in ANGLES:
         toward = viewers(up, angle)
         axis = mirrored(up, toward)[0]
-        w, area = half_sphere(np.array([0.0, 0, 1]), 600)
-        true, lobe = microfacets(up, toward, w, alpha), _normal_view_lobe(w @ axis, alpha)
+        w, area = half_sphere(np.array([0.0, 0, 1]), nodes)
+        true, lobe = microfacets(up, toward, w, alpha), _normal_view_lobe(w @ axis, alpha, nodes)
         true = true / np.sum(area * true)
         row[str(angle)] = float(np.sqrt(np.sum(area * (lobe - true) ** 2) / np.sum(area * true**2)))
     return row
 
 
-def _normal_view_lobe(cosine: np.ndarray, alpha: float) -> np.ndarray:
+def _normal_view_lobe(cosine: np.ndarray, alpha: float, nodes: int) -> np.ndarray:
     """The GGX lobe at normal view as a function of the cosine to the mirror direction, integral 1."""
     up = np.array([[0.0, 0, 1]])
-    w, area = half_sphere(np.array([0.0, 0, 1]), 600)
+    w, area = half_sphere(np.array([0.0, 0, 1]), nodes)
     total = np.sum(area * microfacets(up, up, w, alpha))
     around = np.stack([np.sqrt(np.maximum(1 - cosine**2, 0)), 0 * cosine, cosine], axis=-1)
     return microfacets(up, up, around, alpha) / total

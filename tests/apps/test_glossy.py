@@ -63,6 +63,18 @@ def test_bounced_light_is_stored_as_matrices(capsys: pytest.CaptureFixture) -> N
     assert "estimated relative error of the matrices" in said.out + said.err
 
 
+def test_components_are_written_and_expanded() -> None:
+    run("bake", "bumpy.ply", "-o", "small.npz", "--glossy", "--rays", "64", "--components", "16", "--quiet")
+    small, whole = load_transfer("small.npz"), load_transfer("t.npz")
+    assert small.visibility is not None and whole.visibility is not None
+    assert 0 < small.metadata["compression"]["relative_error"] < 0.1
+    assert np.load("small.npz")["visibility_weights"].shape == (len(whole.vertices), 16)
+    apart = np.linalg.norm(small.visibility.astype(float) - whole.visibility) / np.linalg.norm(
+        whole.visibility.astype(float)
+    )
+    assert apart == pytest.approx(small.metadata["compression"]["relative_error"], rel=1e-3)
+
+
 @pytest.mark.parametrize(("option", "lobe"), [(("--exponent", "30"), phong(30)), (("--roughness", "0.3"), ggx(0.3))])
 def test_a_picture_is_that_of_render(option: tuple[str, str], lobe: object) -> None:
     run(*RENDER, *option)
@@ -104,6 +116,9 @@ def test_plan_counts_rays_and_bytes(capsys: pytest.CaptureFixture) -> None:
     ("arguments", "words"),
     [
         (("bake", "bumpy.ply", "-o", "x.npz", "--glossy", "--error", "0.1"), "give --rays in place of --error"),
+        (("bake", "bumpy.ply", "-o", "x.npz", "--components", "4"), "give it with --glossy"),
+        (("bake", "bumpy.ply", "-o", "x.npz", "--glossy", "--components", "26"), "3 bands have 25 components"),
+        (("plan", "bumpy.ply", "--glossy", "--bounces", "1"), "leave out one of them"),
         ((*RENDER, "--exponent", "3", "--roughness", "0.3"), "give one of them"),
     ],
 )
