@@ -90,6 +90,23 @@ def test_a_plan_of_bounces(folder: Path, capsys: pytest.CaptureFixture) -> None:
         assert word in said
 
 
+def test_coloured_light_is_compared_over_all_colours(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    for name, rays in (("few.npz", "16"), ("many.npz", "256")):
+        run("bake", "bowl.ply", "-o", name, "--rays", rays, "--bounces", "2", "--albedo", "0.9,0.5,0.2", "--quiet")
+    capsys.readouterr()
+    run("compare", "few.npz", "many.npz", "--json", "--quiet")
+    values = json.loads(capsys.readouterr().out)
+    few, many = (load_transfer(name).coefficients for name in ("few.npz", "many.npz"))
+    assert values["relrmse"] == pytest.approx(float(np.linalg.norm(few - many) / np.linalg.norm(many)), rel=1e-5)
+    assert values["equivalent_rays"] == "no yardstick" and 0.5 < values["skill"] < 1
+    assert len(values["mse_per_coefficient"]) == 9 and values["shadow_mse"] > 0
+    for name, points in (("a.npz", "floor.ply"), ("b.npz", "floor.ply")):
+        run("bake", "bowl.ply", "-o", name, "--rays", "64", "--points", points, "--quiet")
+    capsys.readouterr()
+    run("compare", "a.npz", "b.npz", "--json", "--quiet")
+    assert json.loads(capsys.readouterr().out)["relrmse"] == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [

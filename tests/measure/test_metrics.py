@@ -123,3 +123,21 @@ def test_image_scores_by_hand() -> None:
     assert scaled["psnr"] == pytest.approx(lifted["psnr"]) and scaled["ssim"] == pytest.approx(lifted["ssim"])
     with pytest.raises(ValueError, match="black"):
         metrics.image_scores(reference, 0 * reference)
+
+
+def test_colours_are_three_estimates() -> None:
+    """Measures of (v, k, 3) are those of its colours side by side; of three equal colours, those of one."""
+    mesh, rng = icosphere(1), np.random.default_rng(0)
+    truth = rng.random((42, 9, 3)).astype(np.float32)
+    estimate = truth + rng.normal(0, 0.1, truth.shape).astype(np.float32)
+    side_by_side = [array.transpose(0, 2, 1).reshape(-1, 9) for array in (estimate, truth)]
+    assert metrics.relrmse(estimate, truth) == pytest.approx(metrics.relrmse(*side_by_side))
+    assert metrics.skill(estimate, truth, mesh.normals) == pytest.approx(
+        metrics.skill(*side_by_side, np.repeat(mesh.normals, 3, axis=0))
+    )
+    for ours, theirs in zip(
+        metrics.coefficient_errors(estimate, truth), metrics.coefficient_errors(*side_by_side), strict=True
+    ):
+        np.testing.assert_allclose(ours, theirs)
+    grey = [np.repeat(array[..., :1], 3, axis=2) for array in (estimate, truth)]
+    assert metrics.shadow_mse(*grey) == pytest.approx(metrics.shadow_mse(estimate[..., 0], truth[..., 0]))

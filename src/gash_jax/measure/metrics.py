@@ -1,6 +1,7 @@
 """The measures of the project, defined once.
 
-Estimates t, reference t*, both (v, k). Raw MSE depends on scale and albedo, so it never stands alone:
+Estimates t, reference t*, both (v, k), or (v, k, 3) where surfaces are coloured: then over all colours, and the closed
+form is the same for each. Raw MSE depends on scale and albedo, so it never stands alone:
 relrmse = sqrt(sum |t - t*|² / sum |t*|²);  skill = 1 - MSE(method) / MSE(unshadowed closed form), where 0 means
 nothing learnt beyond the formula. Skill is undefined where the closed form is already right ("no occlusion") or the
 reference has no energy ("no transfer"). *Equivalent rays* is the fewest rays at which the plain bake of the same mesh
@@ -48,19 +49,22 @@ def skill(estimate: np.ndarray, reference: np.ndarray, normals: Float[np.ndarray
     if not np.any(reference):
         return "no transfer"
     formula = np.asarray(unshadowed_transfer(normals, round(reference.shape[1] ** 0.5)))
-    floor = mse(formula, reference)
+    same_for_all = formula.reshape(*formula.shape, *(1,) * (reference.ndim - 2))
+    floor = mse(np.broadcast_to(same_for_all, reference.shape), reference)
     return "no occlusion" if floor < NO_OCCLUSION else 1.0 - mse(estimate, reference) / floor
 
 
 def coefficient_errors(estimate: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Per coefficient: MSE, and standard deviation of the error over vertices, each (k,)."""
+    """Per coefficient: MSE, and standard deviation of the error over vertices and colours, each (k,)."""
     error = _difference(estimate, reference)
-    return np.mean(error**2, 0), np.std(error, 0)
+    others = tuple(axis for axis in range(error.ndim) if axis != 1)
+    return np.mean(error**2, others), np.std(error, others)
 
 
 def shadow_mse(estimate: np.ndarray, reference: np.ndarray) -> float:
     """MSE on the darkest quartile of vertices by the reference's t_0."""
-    darkest = reference[:, 0] <= np.quantile(reference[:, 0], 0.25)
+    light = reference[:, 0].reshape(len(reference), -1).mean(1)
+    darkest = light <= np.quantile(light, 0.25)
     return mse(estimate[darkest], reference[darkest])
 
 

@@ -34,8 +34,10 @@ def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None
     estimate, truth = candidate.coefficients, believed.coefficients
     per_mse, per_std = metrics.coefficient_errors(estimate, truth)
     rays, stated = _rays_and_error(reference, believed)
-    with progress_bar("baking the yardstick", quiet) as update:
-        curve = metrics.plain_bake_curve(believed.mesh, truth, rays, progress=update)
+    curve: dict[int, float] = {}
+    if _has_yardstick(believed):
+        with progress_bar("baking the yardstick", quiet) as update:
+            curve = metrics.plain_bake_curve(believed.mesh, truth, rays, progress=update)
     error, relative = metrics.mse(estimate, truth), metrics.relrmse(estimate, truth)
     values = {
         "relrmse": relative,
@@ -44,7 +46,7 @@ def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None
         "mse_per_coefficient": per_mse.tolist(),
         "std": per_std.tolist(),
         "shadow_mse": metrics.shadow_mse(estimate, truth),
-        "equivalent_rays": metrics.equivalent_rays(error, curve) if np.any(truth) else "no transfer",
+        "equivalent_rays": _equivalent_rays(error, curve) if np.any(truth) else "no transfer",
         "vertices": len(truth),
         "bands": believed.bands,
         "reference_rays": rays,
@@ -57,6 +59,17 @@ def compare(transfer: Path, reference: Path, as_json: bool, quiet: bool) -> None
             err=True,
         )
     click.echo(json.dumps(values) if as_json else _text(values))
+
+
+def _has_yardstick(reference: Transfer) -> bool:
+    """Whether the plain bake of the reference's mesh is a worse estimate of the same: not of light that bounces, of
+    points, or in the shadow of occluders."""
+    asked = reference.metadata.get("parameters", {})
+    return len(reference.faces) > 0 and not asked.get("bounces") and not asked.get("occluders")
+
+
+def _equivalent_rays(error: float, curve: dict[int, float]) -> float | str:
+    return metrics.equivalent_rays(error, curve) if curve else "no yardstick"
 
 
 def _rays_and_error(path: Path, reference: Transfer) -> tuple[int, float | None]:

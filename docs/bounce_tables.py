@@ -1,0 +1,53 @@
+"""Tables of light that bounces: cavities against their closed form, seconds, another renderer."""
+
+from typing import Any
+
+from docs.baking_tables import origin
+
+
+def cavity_table(result: dict[str, Any]) -> str:
+    """Light in cavities with 0, 1 and 4 bounces beside the closed form, and how honest the error bars are."""
+    shown = (0, 1, 4, 8)
+    head = " | ".join(f"{n} bounces: baked, closed form" for n in shown)
+    lines = [
+        f"| opening, half-angle | {head} | mean of the seeds | z | in 95 % |",
+        f"|--:|{'--:|' * len(shown)}--:|--:|--:|",
+    ]
+    for degrees in sorted({row["degrees"] for row in result["rows"]}):
+        own = [row for row in result["rows"] if row["degrees"] == degrees]
+        pairs = [
+            f"{row['light']:.4f}, {row['closed_form']:.4f}"
+            for row in own
+            if row["albedo"] == 0.8 and row["bounces"] in shown
+        ]
+        spans = [(min(row[name] for row in own), max(row[name] for row in own)) for name in ("z", "covered")]
+        z, covered = f"{spans[0][0]:.2f} to {spans[0][1]:.2f}", f"{spans[1][0]:.1%} to {spans[1][1]:.1%}"
+        worst = max(row["mean"] for row in own)
+        lines.append(f"| {degrees}° | {' | '.join(pairs)} | {worst:.2%} | {z} | {covered} |")
+    sizes = f"{result['vertices']} vertices, {result['rays']} rays, {result['seeds']} seeds"
+    return "\n".join([*lines, "", f"{sizes}; {origin(result)}, seed {result['seed']}."])
+
+
+def bounce_speed_table(result: dict[str, Any]) -> str:
+    """What bounces add to the direct bake of the same rays, and the memory of a large bake."""
+    lines = [
+        "| mesh, vertices | direct, s | one bounce in all | each further | one in colour | each further in colour |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
+    for row in result["rows"]:
+        ratios = [f"{row[name]:.2f} x" for name in ("first", "further", "first_colour", "further_colour")]
+        lines.append(f"| {row['mesh']}, {row['vertices']} | {row['direct_s']:.2f} | {' | '.join(ratios)} |")
+    large = [f"{name} {one['gib']:.2f} GiB in {one['seconds']:.0f} s" for name, one in result["large"].items()]
+    vertices = result["large"]["grey"]["vertices"]
+    memory = f"Peak memory of {vertices} vertices, {result['rays']} rays, 3 bounces: {', '.join(large)}."
+    return "\n".join([*lines, "", f"{memory} {origin(result)}."])
+
+
+def mitsuba_table(result: dict[str, Any]) -> str:
+    """Rms difference from Mitsuba's path tracer."""
+    lines = ["| mesh | vertices | of which bounced | difference | with noise |", "|---|--:|--:|--:|--:|"]
+    for row in result["rows"]:
+        numbers = " | ".join(f"{row[name]:.2%}" for name in ("bounced", "difference", "with_noise"))
+        lines.append(f"| {row['mesh']} | {row['vertices']} | {numbers} |")
+    said = f"Albedo {result['albedo']}, {result['bounces']} bounces, Mitsuba {result['mitsuba']}"
+    return "\n".join([*lines, "", f"{said}; {origin(result)}, seed {result['seed']}."])
