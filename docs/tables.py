@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import baking_tables, bounce_tables, rotation_tables
+from docs import baking_tables, bounce_tables, gloss_tables, rotation_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -108,6 +108,11 @@ TABLES = (
     Table("docs/transport.md", "CAVITY", bounce_tables.cavity_table, "interreflection.json"),
     Table("docs/transport.md", "MITSUBA", bounce_tables.mitsuba_table, "mitsuba.json"),
     Table("docs/transport.md", "BOUNCE SPEED", bounce_tables.bounce_speed_table, "bounce_speed.json"),
+    Table("docs/gloss_part.md", "GLOSS INTEGRAL", gloss_tables.integral_table, "gloss.json"),
+    Table("docs/gloss_part.md", "GLOSS BANDS", gloss_tables.bands_table, "gloss.json"),
+    Table("docs/gloss_part.md", "GLOSS GGX", gloss_tables.ggx_table, "gloss.json"),
+    Table("docs/gloss_part.md", "GLOSS EIGENVALUES", gloss_tables.eigenvalue_table, "gloss.json"),
+    Table("docs/gloss_part.md", "GLOSS COMPONENTS", gloss_tables.components_table, "gloss.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

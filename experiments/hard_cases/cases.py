@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.hard_cases import directions, meshes
+from experiments.hard_cases import directions, gloss, meshes
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.health import prepare_mesh
+from gash_jax.light.brdf import phong
 from gash_jax.light.environment import project_map
 from gash_jax.light.shading import shade
 
@@ -69,6 +70,7 @@ def _pixel(value: float) -> Callable[[], object]:
 TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 FREE = "transfer - closed form"
 SAME = "transfer - that of the clean mesh"
+HALF = "float16"
 GRAZE = "rays that graze may fall either way"
 
 CASES = [
@@ -217,6 +219,24 @@ CASES = [
         )
     ),
     Case(
+        "gloss, exponent 0",
+        "radiance under constant light - closed form",
+        2.0**-11,
+        partial(gloss.constant_light, 0),
+        HALF,
+    ),
+    Case(
+        "gloss, exponent 1e4",
+        "radiance under constant light - closed form",
+        2.0**-11,
+        partial(gloss.constant_light, 1e4),
+        HALF,
+    ),
+    Case("gloss, black light", "radiance", 0.0, gloss.black_light),
+    Case("gloss, a vertex without a normal", "radiance", 0.0, gloss.no_normal),
+    Case("gloss, 10 bands", "visibility in 19 bands - hemisphere", 2.0**-11, gloss.ten_bands, HALF, slow=True),
+    Case("gloss, a million vertices", "planned bytes, relative", 1e-3, gloss.million_vertices, "metadata", slow=True),
+    Case(
         "no faces",
         "refusal",
         "the mesh has no faces: point clouds and curves cannot be baked, give a triangle mesh",
@@ -260,4 +280,11 @@ CASES = [
         "the light has 4 coefficients, the transfer 9: project the light again with 3 bands",
         lambda: shade(np.zeros((1, 9), np.float32), np.zeros((4, 3), np.float32)),
     ),
+    Case(
+        "gloss of a bake without visibility",
+        "refusal",
+        "the transfer has no visibility to make gloss of: bake it with glossy=True (gash bake --glossy)",
+        gloss.without_visibility,
+    ),
+    Case("exponent below 0", "refusal", "exponent is -1: use a number of 0 or more", lambda: phong(-1)),
 ]

@@ -17,7 +17,8 @@ from benchmarks.options import options, saved
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.provenance import provenance
 from gash_jax.prt.allocation import PILOT
-from gash_jax.prt.bake import bake_transfer, standard_error_floor
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.error_bars import standard_error_floor
 from gash_jax.prt.error_target import State, double_rays, trace_points
 from gash_jax.prt.integrands import to_world
 from gash_jax.prt.rays import trace_geometry

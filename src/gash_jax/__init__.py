@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gash_jax.formats.meshes import load_mesh, read_mesh, save_mesh
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
+    from gash_jax.light.brdf import Lobe, ggx, phong
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
     from gash_jax.light.studio import studio_light
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
     from gash_jax.prt.error_target import bake_to_error
+    from gash_jax.prt.glossy import glossy_matrices
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.rotation import rotate_transfer
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
@@ -58,6 +60,8 @@ _HOMES = {
     "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
     "prt.error_target": ("bake_to_error",),
+    "prt.glossy": ("glossy_matrices",),
+    "light.brdf": ("Lobe", "ggx", "phong"),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
@@ -71,6 +75,7 @@ __all__ = [
     "FileError",
     "HealthReport",
     "Light",
+    "Lobe",
     "Mesh",
     "MeshError",
     "Model",
@@ -81,6 +86,8 @@ __all__ = [
     "deforming_predictor",
     "embed_point",
     "geometric_product",
+    "ggx",
+    "glossy_matrices",
     "keep_compiled_programs",
     "load_config",
     "load_light",
@@ -90,6 +97,7 @@ __all__ = [
     "make_shape",
     "motor",
     "motor_to_rigid",
+    "phong",
     "plan_bake",
     "project_light",
     "read_mesh",

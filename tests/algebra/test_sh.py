@@ -111,17 +111,17 @@ def test_legendre_functions_transform():
 
 
 def test_orthonormal():
-    directions, weights = _sphere_quadrature(12)
-    basis = _basis(directions, 10)
-    np.testing.assert_allclose(basis.T @ (weights[:, None] * basis), np.eye(100), atol=1e-13)
+    directions, weights = _sphere_quadrature(20)
+    basis = _basis(directions, 19)
+    np.testing.assert_allclose(basis.T @ (weights[:, None] * basis), np.eye(361), atol=1e-13)
 
 
-@pytest.mark.parametrize("bands", range(1, 11))
+@pytest.mark.parametrize("bands", [*range(1, 11), 19])
 def test_addition_theorem_and_prefix(bands):
     directions = np.concatenate([_directions(20), np.eye(3), -np.eye(3)])
     basis = _basis(directions, bands)
     assert basis.shape == (26, bands * bands)
-    np.testing.assert_array_equal(basis, _basis(directions, 10)[:, : bands * bands])
+    np.testing.assert_array_equal(basis, _basis(directions, 19)[:, : bands * bands])
     last = np.sum(basis[:, (bands - 1) ** 2 :] ** 2, axis=1)
     np.testing.assert_allclose(last, (2 * bands - 1) / (4 * np.pi), rtol=1e-13)
 
@@ -186,6 +186,13 @@ def test_evaluate_transforms():
 def test_bands_outside_the_range_are_refused(bands):
     with pytest.raises(ValueError, match="use a whole number from 1 to 10"):
         sh.validate_bands(bands)
+
+
+def test_bands_of_products_end_at_nineteen():
+    assert sh.PRODUCT_BANDS == 19 and sh.bands_of(361, sh.PRODUCT_BANDS) == 19
+    for refused in (lambda: sh.bands_of(361), lambda: sh.bands_of(400, sh.PRODUCT_BANDS), lambda: sh.band_index(20)):
+        with pytest.raises(ValueError, match="1 to 1"):
+            refused()
 
 
 def test_bands_inside_the_range_pass():

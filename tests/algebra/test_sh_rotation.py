@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gash_jax.algebra import motors, sh
+from gash_jax.algebra import motors, sh, sh_rotation
 from gash_jax.algebra.sh_rotation import rotate_coefficients, sh_rotation_blocks
 
 pytestmark = pytest.mark.optimised
@@ -146,15 +146,27 @@ def test_leading_shapes_broadcast(left, right):
         np.testing.assert_allclose(result.reshape(-1, 9)[index], whole @ all_coefficients[index], atol=2e-6)
 
 
-@pytest.mark.parametrize("count", [0, 3, 8, 27, 121])
+@pytest.mark.parametrize("band", [12, 18])
+def test_bands_of_products_keep_the_definition(band):
+    """The basis has 19 bands, for products of functions of ten."""
+    rotation = _rotations(1).astype(np.float32)
+    with jax.disable_jit():
+        block = np.asarray(sh_rotation._block(jnp.asarray(rotation), band), np.float64)
+    n = _directions(20)
+    there, here = (_basis(d, band + 1)[..., band * band :] for d in (n @ rotation.astype(np.float64).mT, n))
+    np.testing.assert_allclose(there, here @ block.mT, atol=5 * 2.0**-24 * band)  # the condition is 8
+    np.testing.assert_allclose(block @ block.mT, np.broadcast_to(np.eye(2 * band + 1), block.shape), atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [0, 3, 8, 27, 400])
 def test_wrong_numbers_of_coefficients_are_refused(count):
     with pytest.raises(ValueError, match="the last axis must hold bands"):
         rotate_coefficients(np.zeros((2, count)), np.eye(3))
 
 
-@pytest.mark.parametrize("bands", [0, 11])
+@pytest.mark.parametrize("bands", [0, 20])
 def test_wrong_bands_are_refused(bands):
-    with pytest.raises(ValueError, match="use a whole number from 1 to 10"):
+    with pytest.raises(ValueError, match="use a whole number from 1 to 19"):
         sh_rotation_blocks(np.eye(3), bands)
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.measure.metrics import calibration
-from gash_jax.prt.bake import bake_transfer, standard_error_floor
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.error_bars import standard_error_floor
 from tests.helpers.calibration import FREE, LESS_THAN_A_RAY, scene_errors
 from tests.helpers.closed_forms import ClosedFormScene, closed_form_scenes
 

@@ -7,7 +7,8 @@ Y_k with k = l*l + l + m, band l = 0 .. bands - 1, m = -l .. l; polar axis z; no
 with P_lm(z) the associated Legendre function divided by (1 - z^2)^(|m|/2), taken positive at z -> 1, and N_lm such that
 the integral of Y_j Y_k over the sphere is delta_jk. Band 1 is (y, z, x) * sqrt(3 / 4 pi). The Legendre part runs on the
 three-term recurrence in l (Press et al., Numerical Recipes 3rd ed., eq. 6.7.7), here for N_lm P_lm (eq. 6.7.9), whose
-constants are formed in float64; (x + iy)^m by complex multiplication. Directions must be unit vectors.
+constants are formed in float64; (x + iy)^m by complex multiplication. Directions must be unit vectors. Transfer and
+light have up to 10 bands; the basis is there in 19, which the product of two such functions has.
 
 Windows taper the bands of a light against ringing: Hann (1 + cos(pi l/w))/2 and Lanczos sin(pi l/w)/(pi l/w),
 both zero from l = w on.
@@ -24,19 +25,20 @@ from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.arguments import as_array, is_real, whole_number
 
-MAX_BANDS = 10
+MAX_BANDS = 10  # of transfer and light
+PRODUCT_BANDS = 2 * MAX_BANDS - 1  # of the product of two functions of MAX_BANDS bands
 
 
-def validate_bands(bands: object) -> int:
-    """The number of bands as a Python int. Raises ValueError unless it is an integer from 1 to MAX_BANDS."""
-    return whole_number(bands, "bands", 1, MAX_BANDS)
+def validate_bands(bands: object, most: int = MAX_BANDS) -> int:
+    """The number of bands as a Python int. Raises ValueError unless it is an integer from 1 to `most`."""
+    return whole_number(bands, "bands", 1, most)
 
 
-def bands_of(count: int) -> int:
-    """How many bands have `count` coefficients. Raises ValueError unless it is a whole number from 1 to MAX_BANDS."""
+def bands_of(count: int, most: int = MAX_BANDS) -> int:
+    """How many bands have `count` coefficients. Raises ValueError unless it is a whole number from 1 to `most`."""
     bands = math.isqrt(count)
-    if bands * bands != count or not 1 <= bands <= MAX_BANDS:
-        raise ValueError(f"{count} coefficients are no square of bands from 1 to {MAX_BANDS}")
+    if bands * bands != count or not 1 <= bands <= most:
+        raise ValueError(f"{count} coefficients are no square of bands from 1 to {most}")
     return bands
 
 
@@ -54,7 +56,7 @@ def radiance_coefficients(value: object) -> Float[Array | np.ndarray, "k 3"]:
 
 def band_index(bands: int) -> Int[np.ndarray, " k"]:
     """Band l of each coefficient k."""
-    validate_bands(bands)
+    validate_bands(bands, PRODUCT_BANDS)
     return np.repeat(np.arange(bands), 2 * np.arange(bands) + 1)
 
 
@@ -94,7 +96,7 @@ def sh_components(
     Returns bands^2 separate arrays of that shape and dtype, which for large batches is several times faster than one
     array with a short last axis. Plain arithmetic: NumPy arrays in, NumPy arrays out; JAX arrays in, JAX arrays out.
     """
-    validate_bands(bands)
+    validate_bands(bands, PRODUCT_BANDS)
     components: list = [None] * (bands * bands)
     cosine, sine = 1.0, 0.0  # real and imaginary part of (x + iy)^m
     sectoral = math.sqrt(1.0 / (4.0 * math.pi))  # N_mm P_mm, times sqrt(2) from m = 1 on

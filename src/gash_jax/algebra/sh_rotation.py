@@ -11,7 +11,7 @@ square linear system with the exact solution
     D_l(R) = Y_l(R N) Y_l(N)^-1,
 
 whose inverse is a constant formed in float64. N are approximate Fekete points, so that its condition number is below
-5 in every band. Unlike in a recurrence over l no error accumulates, half turns are nothing special, and the gradients
+9 in every band. Unlike in a recurrence over l no error accumulates, half turns are nothing special, and the gradients
 with respect to R are those of polynomials. `rotations.rotation_matrix` gives R of a quaternion, rotor or motor;
 `rotor_quadrature` turns coefficients by rotors without D.
 """
@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gash_jax.algebra.directions import fibonacci_hemisphere
-from gash_jax.algebra.sh import MAX_BANDS, sh_components, validate_bands
+from gash_jax.algebra.sh import PRODUCT_BANDS, sh_components, validate_bands
 
 _CANDIDATES = 1000
 
@@ -93,7 +93,7 @@ def _turn(coefficients: Array, rotation: Array, band: int) -> Array:
 @functools.partial(jax.jit, static_argnames="bands")
 def sh_rotation_blocks(rotation: Float[Array | np.ndarray, "... 3 3"], bands: int) -> list[Float[Array, "... _ _"]]:
     """Blocks D_0 .. D_(bands - 1) of rotation matrices, (..., 2l+1, 2l+1) each."""
-    validate_bands(bands)
+    validate_bands(bands, PRODUCT_BANDS)
     return [_block(jnp.asarray(rotation), band) for band in range(bands)]
 
 
@@ -104,10 +104,10 @@ def rotate_coefficients(
     """Coefficients of the function turned by the rotation: D(R) c. Leading shapes broadcast."""
     coefficients = jnp.asarray(coefficients)
     bands = math.isqrt(coefficients.shape[-1])
-    if bands * bands != coefficients.shape[-1] or not 1 <= bands <= MAX_BANDS:
+    if bands * bands != coefficients.shape[-1] or not 1 <= bands <= PRODUCT_BANDS:
         raise ValueError(
             f"{coefficients.shape[-1]} coefficients are no whole number of bands: the last axis must hold bands^2, "
-            f"bands from 1 to {MAX_BANDS} (put colours on a leading axis)"
+            f"bands from 1 to {PRODUCT_BANDS} (put colours on a leading axis)"
         )
     rotation = jnp.asarray(rotation)
     if rotation.ndim == 2 and coefficients.ndim > 1:  # one turn of many: a single product takes a quarter of the time

@@ -3,7 +3,8 @@
 radiance_c = albedo_c * sum_k t_kc w_k L_kc with transfer t, one for all colours or one for each, radiance
 coefficients L and an optional window w. The transfer holds the 1/pi of the diffuse reflection, so constant light of
 radiance 1 shades an unoccluded vertex to exactly 1. Windows (see `gash_jax.algebra.sh`) damp the ringing of small
-bright lights; they act here, never in files.
+bright lights; they act here, never in files. With a lobe the radiance is what a glossy surface reflects towards a
+viewer instead (`gloss`).
 """
 
 import jax.numpy as jnp
@@ -11,7 +12,9 @@ from jax import Array
 from jaxtyping import Float
 
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real, shown
+from gash_jax.light.brdf import Lobe
 from gash_jax.light.environment import LightLike, light_coefficients
+from gash_jax.light.gloss import glossy_radiance
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
 
@@ -20,6 +23,9 @@ def shade(
     light: LightLike,
     albedo: ArrayLike | Array | None = None,
     window: ArrayLike | Array | None = None,
+    *,
+    view: ArrayLike | Array | None = None,
+    lobe: Lobe | None = None,
 ) -> Float[Array, "v 3"]:
     """Linear radiance leaving each vertex; works under jit, vmap and grad.
 
@@ -28,9 +34,17 @@ def shade(
     white if None; `window` one factor per transfer coefficient (k,). Raises ValueError for other shapes, and if the
     light has fewer bands than the transfer: project it again with as many.
 
+    `lobe` (`phong`, `ggx`) makes it the radiance that a glossy surface reflects towards `view`, the position of a
+    camera (3,) or a direction towards the viewer for each vertex (v, 3); the transfer must be a glossy bake, and
+    `albedo` is the colour of the reflection.
+
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> radiance = gash_jax.shade(transfer, gash_jax.load_light("studio.hdr"), albedo=np.array([0.8, 0.6, 0.5]))
     >>> radiance.shape
+    (362, 3)
+    >>> glossy = gash_jax.bake_transfer("bunny.ply", rays=64, glossy=True)
+    >>> camera = np.array([0.0, 1.0, 5.0])
+    >>> gash_jax.shade(glossy, gash_jax.load_light("studio.hdr"), view=camera, lobe=gash_jax.phong(30)).shape
     (362, 3)
     """
     coefficients = jnp.asarray(transfer_coefficients(transfer))
@@ -46,7 +60,11 @@ def shade(
     radiance = radiance[:count]
     if damping is not None:
         radiance = radiance * damping.astype(radiance.dtype)[:, None]
-    if coefficients.ndim == 2:
+    if lobe is not None:
+        leaving = glossy_radiance(transfer, radiance, view, lobe)
+    elif view is not None:
+        raise ValueError("diffuse radiance is the same for every view: give a lobe, phong(exponent) or ggx(roughness)")
+    elif coefficients.ndim == 2:
         leaving = jnp.matmul(coefficients, radiance, precision="highest")
     else:
         leaving = jnp.einsum("vkc,kc->vc", coefficients, radiance, precision="highest")

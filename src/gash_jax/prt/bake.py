@@ -5,12 +5,11 @@ rebuild.
 
 With `replicates` R > 1 the N rays of a vertex are split into R independently shifted point sets of N/R. Each gives an
 estimate, blended with the closed form by the share p of the N rays that are free (`integrands`); the result is their
-mean, its standard error their standard deviation / sqrt(R), to be read with Student's t at R - 1 degrees of freedom.
+mean, its standard error their standard deviation / sqrt(R), to be read with Student's t at R - 1 degrees of freedom
+(`error_bars`).
 
-Replicates may agree by chance, all rays or their count, and would then claim an error of 0. But no vertex is known to
-better than half a ray, and a ray weighs at most sqrt((2l+1)/4pi) / N in band l, the bound of its harmonics. Half of
-that is the floor of the standard error of a vertex whose N rays all agree, and of t_00, which does nothing but count
-free rays, everywhere; of all other coefficients the floor is a fifth of it.
+A glossy bake (`glossy`) traces as many rays again for the visibility, uniform and with shifts of their own, so that the
+diffuse coefficients are what they are without it. Its estimates and errors are formed in the same way.
 """
 
 import operator
@@ -23,11 +22,14 @@ import numpy as np
 from jaxtyping import Float
 
 from gash_jax.algebra.arguments import WholeNumber, shown, whole_number
-from gash_jax.algebra.sh import band_index, bands_of, validate_bands
+from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.bounces import MOST_BOUNCES, Estimate, bounced_transfer, checked_albedo, describe_albedo
+from gash_jax.prt.error_bars import replicate_error
+from gash_jax.prt.glossy import Reflected, bake_gloss, gloss_entries
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import RayQuery
+from gash_jax.prt.reflection import reflector
 from gash_jax.prt.scene import as_occluders, as_points, frames_of_all, make_scene
 from gash_jax.prt.tracing import Integrand, ProgressFn, Rows, active_rows, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
@@ -53,22 +55,15 @@ def choose_replicates(rays: WholeNumber, replicates: WholeNumber | None) -> int:
     return count
 
 
-def standard_error_floor(bands: int, rays: np.ndarray | int, share: Float[np.ndarray, "a"]) -> Float[np.ndarray, "a k"]:
-    """Smallest standard error that N rays of which `share` are free can claim (module docstring)."""
-    band = band_index(bands)
-    one_ray = np.sqrt((2 * band + 1) / (4 * np.pi)) / 2
-    agree = (share == 0) | (share == 1)
-    part = np.where(agree[:, None] | (band == 0)[None], 1.0, 0.2)
-    return (part * one_ray[None] / np.broadcast_to(rays, share.shape)[:, None]).astype(np.float32)
-
-
 def free_and_dark(share: Float[np.ndarray, "a"]) -> dict[str, float]:
     """Share of the vertices that stayed with a formula: those with all rays free, and those with none; for metadata."""
     count = max(len(share), 1)
     return {"all_rays_free": float(np.sum(share == 1)) / count, "no_ray_free": float(np.sum(share == 0)) / count}
 
 
-def draw_shifts(seed: int, count: int, replicates: int, first: int, last: int) -> Float[np.ndarray, "v r 2"]:
+def draw_shifts(
+    seed: int | np.random.SeedSequence, count: int, replicates: int, first: int, last: int
+) -> Float[np.ndarray, "v r 2"]:
     """Random shifts of `count` vertices, drawn for the vertices first .. last alone; zeros elsewhere.
 
     A vertex has the same shifts whichever are drawn: the generator is set forward over the others' (64 random bits,
@@ -81,14 +76,9 @@ def draw_shifts(seed: int, count: int, replicates: int, first: int, last: int) -
     return shifts
 
 
-def replicate_error(
-    replicas: Float[np.ndarray, "a r k *c"], mean: Float[np.ndarray, "a k *c"], rays: int, share: Float[np.ndarray, "a"]
-) -> Float[np.ndarray, "a k *c"]:
-    """Standard error of the mean of r > 1 replicates, not below the floor; `c` are colours, where there are any."""
-    count, difference = replicas.shape[1], replicas - mean[:, None]
-    variance = np.einsum("ar...,ar...->a...", difference, difference) / np.float32(count * (count - 1))
-    floor = standard_error_floor(bands_of(mean.shape[1]), rays, share)
-    return np.maximum(np.sqrt(variance), floor.reshape(*floor.shape, *(1,) * (mean.ndim - 2)))
+def _stage(progress: ProgressFn | None, index: int, stages: int) -> ProgressFn | None:
+    """The progress of one of several equal stages."""
+    return progress and (lambda done, total: progress(index * total + done, stages * total))
 
 
 def _range_of(rows: slice | None, count: int) -> tuple[int, int]:
@@ -116,6 +106,7 @@ def bake_transfer(
     backend: str = "embree",
     frames: Float[np.ndarray, "v 3 3"] | None = None,
     rows: slice | None = None,
+    glossy: bool = False,
     progress: ProgressFn | None = None,
 ) -> Transfer:
     """Bake shadowed diffuse transfer with `rays` rays per vertex, with light that bounces up to `bounces` times.
@@ -127,6 +118,9 @@ def bake_transfer(
     without faces: to the last bit those of the whole bake. `progress(done, total)` is called with counts of vertices,
     from worker threads. Vertices without a usable normal get transfer 0. Raises ValueError for options out of range,
     MeshError for what is no mesh.
+
+    `glossy` traces as many rays again for the `visibility` of which `glossy_matrices` and `shade` with a lobe make
+    glossy transfer, in float16, its errors in `metadata`; with bounces, off grey surfaces, for `matrices` in its place.
 
     `points` (p, 3) with unit `normals` (p, 3), 0 where a point has none, receive light in place of the mesh's vertices.
     `occluders`, a list of meshes, cast shadows and bounce light, and get no coefficients. `albedo` is a number, a
@@ -148,6 +142,10 @@ def bake_transfer(
     started = time.perf_counter()
     scene = make_scene(mesh, receivers, blockers)
     colours = checked_albedo(1 if albedo is None and not bounces else albedo, len(scene.surface.vertices))
+    if glossy and bounces and colours.shape[1] == 3:
+        raise ValueError(
+            "glossy transfer has no room for coloured reflections: give a grey albedo, one number a vertex"
+        )
     scene = scene if bounces else scene.receivers_alone()  # light that bounces comes from all surfaces
     query = ray_query(*scene.geometry[:2], "closest" if bounces else "any", backend)
     built = time.perf_counter()
@@ -163,13 +161,24 @@ def bake_transfer(
         if bounces:
             trace = partial(bounced_transfer, active=active, surface=scene.surface, albedo=colours, bounces=bounces)
         plain = np.zeros(len(active), np.float32) if count == 1 else None
-        estimate = trace(all_rows, direct(bands), rays // count, query, share=plain, progress=progress)
+        update = _stage(progress, 0, 1 + glossy)
+        estimate = trace(all_rows, direct(bands), rays // count, query, share=plain, progress=update)
     own, replicas, share = active[part] - wanted.start, estimate.replicas[part], estimate.share[part]
     coefficients = np.zeros((last - first, *shape), np.float32)
     error = np.zeros_like(coefficients) if count > 1 else None
     coefficients[own] = mean = replicas.mean(1)
     if error is not None:
         error[own] = replicate_error(replicas, mean, rays, share)
+    name = "matrices" if bounces else "visibility"
+    gloss = np.zeros((last - first, *((bands**2,) * 2 if bounces else ((2 * bands - 1) ** 2,))), np.float16)
+    told = dict(estimate.told)
+    if glossy and len(own):
+        others = draw_shifts(np.random.SeedSequence(seed, spawn_key=(1,)), len(shifts), count, drawn.start, drawn.stop)
+        reflected = None if estimate.sent is None else Reflected(reflector(scene.surface), estimate.sent)
+        uniform = all_rows._replace(shifts=others[active])
+        found, found_error = bake_gloss(uniform, bands, rays, query, part, reflected, _stage(progress, 1, 2))
+        gloss[own] = found.reshape(-1, *gloss.shape[1:])
+        told[name] = gloss_entries(found, found_error)
     seconds = {"build": built - started, "trace": time.perf_counter() - built, "total": time.perf_counter() - started}
     asked = {"rows": None if rows is None else [first, last], "occluders": len(blockers) or None}
     asked |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
@@ -179,15 +188,16 @@ def bake_transfer(
         bands,
         "bake",
         parameters,
-        rays_total=rays * (len(active) if bounces else len(own)),
+        rays_total=rays * ((len(active) if bounces else len(own)) + glossy * len(own)),
         modelled={**free_and_dark(share), "blended_with_closed_form": count > 1},
         ray_offset=scene.geometry.offset,
         seconds=seconds,
-        **estimate.told,
+        **told,
     )
     vertices, normals = (array[wanted] for array in scene.starts[:2])
     faces = mesh.faces if rows is None and receivers is None else mesh.faces[:0]
-    return Transfer(coefficients, error, vertices, normals, faces, metadata)
+    held = {name: gloss} if glossy else {}
+    return Transfer(coefficients, error, vertices, normals, faces, metadata, **held)
 
 
 def _direct_light(

@@ -42,6 +42,8 @@ class Estimate(NamedTuple):
     replicas: Float[np.ndarray, "a r k"] | Float[np.ndarray, "a r k 3"]  # world
     share: Float[np.ndarray, "a"]  # of each row's rays that are free
     told: dict[str, Any]  # for the metadata
+    # what the vertices of the surface send in the last bounce; None without one, and of coloured surfaces
+    sent: Float[np.ndarray, "s r k"] | None = None
 
 
 def checked_albedo(albedo: object, count: int) -> Float[np.ndarray, "s c"]:
@@ -97,6 +99,7 @@ class Exchange:
         self.rows, self.n, self.query, self.density = rows, n, query, direct.density
         self.active, self.vertices, self.mirror = active, len(surface.vertices), reflector(surface)
         self.kept, self.traced_again = _Store(MOST_KEPT), 0
+        self.sent: Float[np.ndarray, "s r k c"] | None = None  # what the surface sends in the last bounce
 
         def integrate(chunk: Chunk) -> Array | np.ndarray:
             assert isinstance(chunk.answer, Hits)
@@ -117,7 +120,7 @@ class Exchange:
         """D + W (albedo * transfer), replicate by replicate; `out`, where the result goes, may be `transfer` itself."""
         count, replicates = self.rows.shifts.shape[:2]
         shape = (*self.first.shape[:3], albedo.shape[1])
-        sent = np.zeros((self.vertices, *shape[1:]), np.float32)
+        self.sent = sent = np.zeros((self.vertices, *shape[1:]), np.float32)
         result = np.empty(shape, np.float32) if out is None else out
         chunks = chunks_of(count, replicates * self.n)
 
@@ -168,7 +171,10 @@ def bounced_transfer(
             tell(count * (bounce + 1), 0)
     told = {"seconds": time.perf_counter() - started, "hits_bytes": exchange.kept.used}
     told["rays_traced_again"] = exchange.traced_again
-    return Estimate(found[..., 0] if found.shape[-1] == 1 else found, exchange.share, {"bounced": told})
+    if found.shape[-1] == 3:
+        return Estimate(found, exchange.share, {"bounced": told})
+    sent = None if exchange.sent is None else exchange.sent[..., 0]
+    return Estimate(found[..., 0], exchange.share, {"bounced": told}, sent)
 
 
 def _hits_of(mirror: Reflector, chunk: Chunk) -> KeptHits:

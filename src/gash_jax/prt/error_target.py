@@ -29,7 +29,8 @@ from gash_jax.algebra.arguments import RealNumber, WholeNumber, real_number, sho
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
-from gash_jax.prt.bake import free_and_dark, standard_error_floor
+from gash_jax.prt.bake import free_and_dark
+from gash_jax.prt.error_bars import standard_error_floor
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import VisibilityFn
 from gash_jax.prt.sampling import korobov

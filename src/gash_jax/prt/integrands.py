@@ -61,11 +61,11 @@ def direct(bands: int, density: Density = COSINE) -> Integrand:
 
 
 def glossy(bands: int) -> Integrand:
-    """Integral of V Y_k over the hemisphere in 2 bands - 1 bands, each 1..10, for products of `bands` bands.
+    """Integral of V Y_k over the hemisphere in 2 bands - 1 bands, for products of `bands` bands, 1..10.
 
     Directions are uniform: cosine-weighted ones would be reweighted by 1/cos, which has no finite variance.
     """
-    validate_bands(2 * bands - 1)
+    validate_bands(bands)
     return Integrand(UNIFORM, "any", partial(_sum_of_visible, 2 * bands - 1, HEMISPHERE, UNIFORM))
 
 
@@ -76,7 +76,7 @@ def _sum_of_visible(bands: int, kernel: Kernel, density: Density, chunk: Chunk) 
 
 def _profiles(z: Float[Array, "*s"], r: Float[Array, "*s"], bands: int, m: int) -> list[Float[Array, "*s"]]:
     """f_lm(z) for l = m .. bands-1; r = sqrt(1 - z²)."""
-    first = float(np.prod(np.arange(1, 2 * m, 2))) * r**m
+    first = float(np.prod(np.arange(1.0, 2 * m, 2))) * r**m  # 35!! is beyond 64 bits
     norms = [
         sqrt((2 * order + 1) / (4 * pi) * factorial(order - m) / factorial(order + m)) * (sqrt(2) if m else 1)
         for order in range(m, bands)

@@ -4,7 +4,7 @@
 
 *Rays.* `error_target` is run in full on the sample against the whole scene, twice: the first run pays for compilation,
 the second is timed. Neighbours of sampled vertices are not sampled, so it does without the smoothing of the real bake,
-which costs it a few rays more.
+which costs it a few rays more. A glossy bake traces as many rays again (`glossy`), in as much time.
 """
 
 import time
@@ -48,18 +48,25 @@ class Plan(NamedTuple):
         return self._asdict()
 
 
-def transfer_bytes(mesh: Mesh, bands: int) -> int:
+def transfer_bytes(mesh: Mesh, bands: int, glossy: bool = False) -> int:
     """Size of a transfer file with standard errors, but for a few kilobytes of metadata."""
-    return 4 * (len(mesh.vertices) * (2 * bands**2 + 6) + 3 * len(mesh.faces))
+    visibility = 2 * (2 * bands - 1) ** 2 * glossy
+    return len(mesh.vertices) * (4 * (2 * bands**2 + 6) + visibility) + 12 * len(mesh.faces)
 
 
 def plan_bake(
-    mesh: MeshLike, error: RealNumber = 0.02, *, bands: WholeNumber = 3, light: Any = None, seed: WholeNumber = 0
+    mesh: MeshLike,
+    error: RealNumber = 0.02,
+    *,
+    bands: WholeNumber = 3,
+    light: Any = None,
+    glossy: bool = False,
+    seed: WholeNumber = 0,
 ) -> Plan:
     """Plan a bake to a relative error; with a light, the radiance that it makes decides the bands instead of `bands`.
 
-    `light` is a Light or its coefficients (k, 3); all its bands count: give it as many as a bake may have. Raises
-    ValueError for an error out of range.
+    `light` is a Light or its coefficients (k, 3); all its bands count: give it as many as a bake may have. `glossy`
+    plans visibility too: as many rays again, and its bytes. Raises ValueError for an error out of range.
 
     >>> plan = gash_jax.plan_bake("bunny.ply", 0.05, light=gash_jax.load_light("studio.hdr", bands=10))
     >>> plan.bands > 1, plan.rays_total > 0
@@ -75,7 +82,7 @@ def plan_bake(
     active, rows = active_rows(mesh, geometry, None, rng.random((len(mesh.vertices), 1, 2), np.float32))
     if not len(active):
         bands, left_out = (bands, None) if light is None else (1, 0.0)
-        return Plan(bands, left_out, error, 0.0, 0.0, 0.0, 0, build, transfer_bytes(mesh, bands), 0)
+        return Plan(bands, left_out, error, 0.0, 0.0, 0.0, 0, build, transfer_bytes(mesh, bands, glossy), 0)
     rows = rows.take(np.sort(rng.permutation(len(active))[:SAMPLE]))
     count, left_out = len(rows.origins), None
     if light is not None:
@@ -87,7 +94,7 @@ def plan_bake(
     state, _ = run_rounds(rows, error, bands, visible, alone)
     sample = time.perf_counter() - compiled
     compilation = max(0.0, compiled - started - sample)
-    rays = float(state.rays.mean())
+    rays = float(state.rays.mean()) * (1 + glossy)
     return Plan(
         bands=bands,
         radiance_left_out=left_out,
@@ -96,8 +103,8 @@ def plan_bake(
         blocked_rays=float(1 - state.share.mean()),
         rays_per_vertex=rays,
         rays_total=round(rays * len(active)),
-        seconds=build + compilation + sample * len(active) / count,
-        bytes=transfer_bytes(mesh, bands),
+        seconds=build + (compilation + sample * len(active) / count) * (1 + glossy),
+        bytes=transfer_bytes(mesh, bands, glossy),
         sampled_vertices=count,
     )
 

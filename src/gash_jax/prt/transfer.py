@@ -16,12 +16,13 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int
 
-from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, is_real
 from gash_jax.algebra.sh import bands_of
 from gash_jax.files.atomic import FileError
 from gash_jax.files.containers import Container, array_names
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.compression import NAMES, compress_visibility, expand_visibility
 
 if TYPE_CHECKING:
     import trimesh
@@ -122,10 +123,12 @@ def make_metadata(bands: int, method: str, parameters: dict[str, Any], **entries
     }
 
 
-def save_transfer(path: str | Path, transfer: Transfer) -> None:
+def save_transfer(path: str | Path, transfer: Transfer, components: WholeNumber | None = None) -> None:
     """Write a transfer file; plain NumPy reads it without pickle. Raises FileError where the arrays do not fit.
 
-    Of metadata that a transformation has dropped, format and conventions are written all the same.
+    Of metadata that a transformation has dropped, format and conventions are written all the same. `components` writes
+    the visibility as so many numbers a vertex in place of (2 bands - 1)² (`prt.compression`), with the error of that in
+    the metadata; `load_transfer` expands it. Raises ValueError where there is none, or for a number that does not fit.
 
     >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
     >>> sorted(np.load("bunny.npz").files)
@@ -142,6 +145,8 @@ def save_transfer(path: str | Path, transfer: Transfer) -> None:
             arrays[name] = np.asarray(value, kind, order="C")
     _check(path, arrays)
     metadata = {**make_metadata(transfer.bands, "unknown", {}), **transfer.metadata, "bands": transfer.bands}
+    if components is not None:
+        metadata["compression"] = _compress(arrays, components)
     write_npz(path, arrays, metadata)
 
 
@@ -156,8 +161,22 @@ def load_transfer(path: str | Path) -> Transfer:
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a transfer file: bake or predict one")
     _check(path, arrays)
+    if NAMES[0] in arrays:
+        arrays["visibility"] = expand_visibility(arrays, arrays["normals"])
     arrays["faces"] = arrays["faces"].astype(np.int32, copy=False)
     return Transfer(**{name: arrays.get(name) for name in array_names(Transfer)}, metadata=metadata)  # type: ignore[arg-type]
+
+
+def _compress(arrays: dict[str, np.ndarray], components: WholeNumber) -> dict[str, Any]:
+    """Put components in the place of visibility; the error of that, for the metadata."""
+    if "visibility" not in arrays:
+        raise ValueError("only visibility is compressed, and the transfer has none: bake it with glossy=True")
+    visibility = arrays.pop("visibility")
+    arrays |= compress_visibility(visibility, arrays["normals"], components)
+    lost = expand_visibility(arrays, arrays["normals"]).astype(np.float64) - visibility
+    size = np.linalg.norm(visibility.astype(np.float64))
+    relative = float(np.linalg.norm(lost) / size) if size else None
+    return {"components": len(arrays[NAMES[1]]), "relative_error": relative}
 
 
 def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
@@ -171,7 +190,9 @@ def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
     except ValueError as error:
         raise FileError(f"{path} is not a transfer file: {error}; bake it again") from None
     glossy = {"visibility": (sizes["v"], (2 * bands - 1) ** 2), "matrices": (sizes["v"], sizes["k"], sizes["k"])}
-    check_arrays(path, "transfer", arrays, glossy, optional=GLOSSY)
+    glossy |= {NAMES[0]: (sizes["v"], "n"), NAMES[1]: ("n", (2 * bands - 1) ** 2), NAMES[2]: ((2 * bands - 1) ** 2,)}
+    whole = set(arrays).isdisjoint(NAMES)  # else all three or none
+    check_arrays(path, "transfer", arrays, glossy, optional=(*GLOSSY, *NAMES) if whole else GLOSSY)
     faces = arrays["faces"]
     if np.any((faces < 0) | (faces >= sizes["v"])):
         raise FileError(f"{path} is not a whole transfer file: faces name vertices that do not exist; bake it again")

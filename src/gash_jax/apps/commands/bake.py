@@ -32,7 +32,7 @@ from gash_jax.prt.bake import bake_transfer, choose_replicates
 from gash_jax.prt.error_target import bake_to_error, check_error
 from gash_jax.prt.plan import Plan, plan_bake
 from gash_jax.prt.scene import load_points
-from gash_jax.prt.transfer import Transfer, save_transfer
+from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
 
 
 @click.command(cls=Command, epilog="gash bake bunny.ply -o bunny.npz --error 0.02")
@@ -48,6 +48,12 @@ from gash_jax.prt.transfer import Transfer, save_transfer
     "--replicates",
     type=click.IntRange(1),
     help="Independent point sets the rays are split into for the standard error.  [default: 4; 1 below 16 rays]",
+)
+@click.option("--glossy", is_flag=True, help="As many rays again for glossy transfer: visibility in 2 bands - 1 bands.")
+@click.option(
+    "--components",
+    type=click.IntRange(1, 361),
+    help="With --glossy: write the visibility as so many numbers a vertex, its principal components.",
 )
 @bounces_option
 @click.option(
@@ -70,6 +76,8 @@ def bake(
     light_path: Path | None,
     layout: str | None,
     replicates: int | None,
+    glossy: bool,
+    components: int | None,
     bounces: int,
     albedo: str | None,
     points_path: Path | None,
@@ -84,12 +92,18 @@ def bake(
     to_error = auto or error is not None
     if to_error and (rays is not None or replicates is not None):
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
+    if to_error and glossy:
+        raise click.UsageError("--glossy is baked with a number of rays: give --rays in place of --error or --auto")
     if bounces and to_error:
         raise click.UsageError("--bounces goes with a number of rays: give --rays in place of --error or --auto")
     if (bounces > 0) != (albedo is not None):
         raise click.UsageError("--bounces and --albedo go together: give how often light bounces, and off what")
     if auto and (points_path or occluders):
         raise click.UsageError("--auto plans a mesh alone: give --rays or --error with --points and --occluders")
+    if components is not None and (not glossy or bounces):
+        raise click.UsageError("--components compresses visibility: give it with --glossy, and without --bounces")
+    if components is not None and components > (2 * bands - 1) ** 2:
+        raise click.UsageError(f"{bands} bands have {(2 * bands - 1) ** 2} components: use that many or fewer")
     check_layout(layout, light_path)
     surfaces = [file for path in (mesh, *occluders) for file in mesh_files(path)]
     check_writable(output, [*surfaces, light_path, points_path, albedo_file(albedo)])
@@ -114,12 +128,12 @@ def bake(
         if to_error:
             transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
         else:
-            reflected = {"bounces": bounces, "albedo": colors, "replicates": replicates}
+            reflected = {"bounces": bounces, "albedo": colors, "glossy": glossy, "replicates": replicates}
             transfer = bake_transfer(surface, bands, rays, **scene, **reflected, seed=seed, progress=update)
     entries = _entries_of_aim(transfer, plan) if to_error else transfer.metadata
     seconds = {**entries["seconds"], "read": read}
     transfer = transfer._replace(metadata={**entries, "health": health.to_dict(), "seconds": seconds})
-    save_transfer(output, transfer)
+    save_transfer(output, transfer, components)
     for line in (_reached(transfer, error) if to_error else _estimated(transfer)) + _summary(transfer, health):
         say(line, quiet)
     say(f"wrote {output}", quiet)
@@ -144,7 +158,11 @@ def _estimated(transfer: Transfer) -> list[str]:
     if transfer.standard_error is None:
         return []
     relative = relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
-    return [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
+    lines = [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
+    for name in GLOSSY:
+        error = transfer.metadata.get(name, {}).get("relative_error")
+        lines += [] if error is None else [f"estimated relative error of the {name} {error:.2%}"]
+    return lines
 
 
 def _summary(transfer: Transfer, health: HealthReport) -> list[str]:

@@ -36,6 +36,7 @@ from gash_jax.prt.plan import plan_bake
 @click.option("--rays", type=click.IntRange(1, 1 << 20), help="With --bounces: rays per vertex.  [default: 256]")
 @click.option("--albedo", help="With --bounces: three colours R,G,B take longer than one.")
 @bands_option()
+@click.option("--glossy", is_flag=True, help="Plan glossy transfer too: as many rays again, and a larger file.")
 @up_option
 @json_option
 def plan(
@@ -47,12 +48,15 @@ def plan(
     rays: int | None,
     albedo: str | None,
     bands: int,
+    glossy: bool,
     up: str,
     as_json: bool,
 ) -> None:
     """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
     if bounces and (light_path or error is not None):
         raise click.UsageError("--bounces plans a bake of --rays: leave out --light and --error")
+    if bounces and glossy:
+        raise click.UsageError("--glossy is planned without --bounces: leave out one of them")
     if not bounces and (rays is not None or albedo is not None):
         raise click.UsageError("--rays and --albedo plan light that bounces: add --bounces")
     error = 0.02 if error is None else error
@@ -64,7 +68,7 @@ def plan(
         coloured = albedo is not None and np.shape(read_albedo(albedo, [mesh]))[-1:] == (3,)
         found = plan_bounces(surface, bounces, 256 if rays is None else rays, bands=bands, coloured=coloured).to_dict()
     else:
-        found = plan_bake(surface, error, bands=bands, light=light).to_dict()
+        found = plan_bake(surface, error, bands=bands, light=light, glossy=glossy).to_dict()
     values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}
     text = bounces_text(values) if bounces else plan_text(values)
     click.echo(json.dumps(values) if as_json else text)

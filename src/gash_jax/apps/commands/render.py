@@ -1,4 +1,4 @@
-"""`gash render`: a relit picture of a transfer file from several sides."""
+"""`gash render`: a relit picture of a transfer file from several sides, diffuse or glossy."""
 
 from pathlib import Path
 
@@ -7,11 +7,12 @@ import numpy as np
 
 from gash_jax.apps.options import PATH, Command, layout_option, output_option, quiet_option
 from gash_jax.apps.pictures.montage import check_picture, montage, write_picture
-from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb, toward_camera
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.rotate_option import rotate_option
 from gash_jax.files.atomic import check_writable
+from gash_jax.light.brdf import Lobe, ggx, phong
 from gash_jax.light.environment import load_light, rotate_light
 from gash_jax.light.shading import shade
 from gash_jax.prt.transfer import load_transfer
@@ -32,6 +33,8 @@ from gash_jax.prt.transfer import load_transfer
     show_default=True,
     help="Camera; may be given several times.",
 )
+@click.option("--exponent", type=float, help="Glossy: Phong's exponent, 0 or more. TRANSFER from gash bake --glossy.")
+@click.option("--roughness", type=float, help="Glossy: GGX of this roughness, 0 to 1, as in glTF.")
 @click.option("--size", type=click.IntRange(16, 4096), default=512, show_default=True, help="Pixels per view.")
 @quiet_option
 def render(
@@ -41,10 +44,13 @@ def render(
     turn: np.ndarray | None,
     output: Path,
     views: tuple[str, ...],
+    exponent: float | None,
+    roughness: float | None,
     size: int,
     quiet: bool,
 ) -> None:
-    """Relight TRANSFER and write a picture (.png, .jpg) of several views."""
+    """Relight TRANSFER, diffuse or glossy, and write a picture (.png, .jpg) of several views."""
+    lobe = _lobe(exponent, roughness)
     check_writable(output, [transfer, light_path])
     check_picture(output)
     lit = load_transfer(transfer)
@@ -53,13 +59,22 @@ def render(
     for note in light.metadata.get("notes", []):
         say(f"  {note}", quiet)
     light = light if turn is None else rotate_light(light, turn)
-    radiance = np.asarray(shade(lit.coefficients, light))
     images = []
     with progress_bar("rendering", quiet) as update:
         for step, view in enumerate(views):
+            toward = None if lobe is None else toward_camera(lit.mesh, view)
+            radiance = np.asarray(shade(lit, light, view=toward, lobe=lobe))
             images.append(shade_view(cast_view(lit.mesh, view, size), radiance))
             update(step + 1, len(views))
     exposure = exposure_for(images)
     panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
     write_picture(output, montage(panels))
     say(f"wrote {output} ({len(views)} views, {size} pixels each)", quiet)
+
+
+def _lobe(exponent: float | None, roughness: float | None) -> Lobe | None:
+    if exponent is not None and roughness is not None:
+        raise click.UsageError("--exponent and --roughness each name a lobe: give one of them")
+    if exponent is not None:
+        return phong(exponent)
+    return None if roughness is None else ggx(roughness)

@@ -16,9 +16,10 @@ from gash_jax.algebra.arguments import (
     shown,
     whole_number,
 )
-from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb
+from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb, toward_camera
 from gash_jax.formats.meshes import as_mesh
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.light.brdf import Lobe
 from gash_jax.light.environment import LightLike, rotate_light
 from gash_jax.light.shading import shade
 from gash_jax.prt.transfer import Transfer
@@ -33,6 +34,7 @@ def render(
     camera: Camera = "front",
     size: WholeNumber = 512,
     albedo: ArrayLike | Array | None = None,
+    lobe: Lobe | None = None,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """A picture of the relit mesh, (size, size, 3) in 8-bit sRGB.
 
@@ -40,7 +42,8 @@ def render(
     multiplies the radiance, of which 1 becomes white; None chooses it from the picture: give a number to compare
     pictures.
     `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
-    degrees; the mesh fills the frame. `albedo` is as for `shade`. Raises ValueError for options out of range.
+    degrees; the mesh fills the frame. `albedo` and `lobe` are as for `shade`: with a lobe the picture is what a glossy
+    surface reflects towards the camera. Raises ValueError for options out of range.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> image = gash_jax.render(transfer, gash_jax.load_light("studio.hdr"), exposure=1.0, size=64)
@@ -52,16 +55,22 @@ def render(
         raise ValueError(f"exposure is {shown(exposure)}: use a number above 0, or None to choose one from the picture")
     mesh, size = drawn_mesh(transfer), whole_number(size, "size", 16, 4096)
     turned = light if rotation is None else rotate_light(light, rotation)
-    radiance = finite_radiance(transfer, turned, albedo)
-    picture = shade_view(cast_view(mesh, checked_camera(camera), size), radiance)
+    camera = checked_camera(camera)
+    view = None if lobe is None else toward_camera(mesh, camera)
+    radiance = finite_radiance(transfer, turned, albedo, view, lobe)
+    picture = shade_view(cast_view(mesh, camera, size), radiance)
     return to_srgb(*picture, factor or exposure_for([picture]))
 
 
 def finite_radiance(
-    transfer: Transfer, light: LightLike, albedo: ArrayLike | Array | None = None
+    transfer: Transfer,
+    light: LightLike,
+    albedo: ArrayLike | Array | None = None,
+    view: ArrayLike | None = None,
+    lobe: Lobe | None = None,
 ) -> Float[np.ndarray, "v 3"]:
     """Radiance of every vertex, as `shade` gives it. Raises ValueError where it cannot be drawn."""
-    radiance = np.asarray(shade(transfer, light, albedo), np.float32)
+    radiance = np.asarray(shade(transfer, light, albedo, view=view, lobe=lobe), np.float32)
     if not np.isfinite(radiance).all():
         raise ValueError("the relit radiance is not finite: look for nan and inf in the transfer, light and albedo")
     return radiance

@@ -75,6 +75,12 @@ def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512) -> Hit:
     return Hit(corners.reshape(shape), weights.reshape(shape).astype(np.float32))
 
 
+def toward_camera(mesh: Mesh, view: Camera = "front") -> Float[np.ndarray, "v 3"]:
+    """Unit directions from the vertices towards the eye of `cast_view`, which is never on the mesh."""
+    apart = _camera(view)[0] - trace_geometry(mesh).vertices
+    return (apart / np.linalg.norm(apart, axis=1, keepdims=True)).astype(np.float32)
+
+
 def shade_view(
     hit: Hit, values: Float[np.ndarray, "v c"]
 ) -> tuple[Float[np.ndarray, "h w c"], Float[np.ndarray, "h w"]]:
