@@ -3,8 +3,9 @@
     .venv/bin/python -m benchmarks.bounce_speed --output docs/results/bounce_speed.json
 
 On a bowl that is half open, in which half of all rays meet a wall, and on a generated body. Every figure is a median
-over rounds in which the direct bake, one bounce, three and three of three colours take turns in one process. Then a
-bowl of a million vertices is baked with 64 rays and 3 bounces by a process of its own, whose peak memory is read.
+over rounds in which the direct bake, one bounce and three, grey and in colour, take turns in one process; seconds are
+those of all cores together, which other work on the machine prolongs little. Then a bowl of a million vertices is baked
+with 64 rays and 3 bounces by a process of its own, whose peak memory is read.
 """
 
 import json
@@ -38,7 +39,7 @@ print(json.dumps(dict(vertices=len(bowl.vertices), seconds=time.perf_counter() -
 
 
 def ratios(mesh: Mesh, rounds: int) -> dict[str, float]:
-    """Median seconds of the direct bake, and of what bounces add to it in units of these."""
+    """Median CPU seconds of the direct bake, and of what bounces add to it in units of these."""
     bakes = {
         "direct": partial(bake_transfer, mesh, rays=RAYS),
         "one": partial(bake_transfer, mesh, rays=RAYS, bounces=1, albedo=0.7),
@@ -49,10 +50,10 @@ def ratios(mesh: Mesh, rounds: int) -> dict[str, float]:
     seconds: dict[str, list[float]] = {name: [] for name in bakes}
     for turn in range(rounds + 1):
         for name, work in bakes.items():
-            started = time.perf_counter()
+            started = time.process_time()
             work()
             if turn:  # the first round compiles
-                seconds[name].append(time.perf_counter() - started)
+                seconds[name].append(time.process_time() - started)
     all_of = {name: np.array(values) for name, values in seconds.items()}
     direct = all_of["direct"]
     return {

@@ -31,7 +31,7 @@ def cavity_table(result: dict[str, Any]) -> str:
 def bounce_speed_table(result: dict[str, Any]) -> str:
     """What bounces add to the direct bake of the same rays, and the memory of a large bake."""
     lines = [
-        "| mesh, vertices | direct, s | one bounce in all | each further | one in colour | each further in colour |",
+        "| mesh, vertices | direct, CPU s | one bounce in all | each further | one in colour | each further in colour |",
         "|---|--:|--:|--:|--:|--:|",
     ]
     for row in result["rows"]:

@@ -22,9 +22,9 @@ Kernel = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class Rays(NamedTuple):
-    """The rays of some vertices: `index` into the chosen ones, directions (a, r, n, 3), True where free (a, r, n)."""
+    """The rays of some vertices: `chosen` among those asked for, directions (a, r, n, 3), True where free (a, r, n)."""
 
-    index: np.ndarray
+    chosen: np.ndarray
     directions: np.ndarray
     free: np.ndarray
 

@@ -58,6 +58,7 @@ def ten_bands() -> tuple[float, str]:
     ball = _ball(10)
     factors = np.array([hemisphere(int(band)) for band in band_index(PRODUCT_BANDS)])
     expected = np.asarray(evaluate_sh(ball.normals, PRODUCT_BANDS), np.float64) * factors
+    assert ball.visibility is not None
     return float(np.abs(ball.visibility - expected).max()), SILENT
 
 

@@ -1,6 +1,6 @@
 """Light that bounces in a sphere with an opening, against its closed form.
 
-    .venv/bin/python -m experiments.interreflection.run --output experiments/interreflection/results.json
+    .venv/bin/python -m experiments.interreflection.run --output docs/results/interreflection.json
 
 Inside a sphere every point sees every other with the same form factor, so a bounce brings the mean of the light on the
 wall to every vertex alike: for an opening of half-angle a about an axis, f = (1 - cos a)/2 of the sphere, albedo r,

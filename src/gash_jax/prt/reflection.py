@@ -54,20 +54,29 @@ def reflector(mesh: Mesh) -> Reflector:
 
 def meets_front(surface: Reflector, hits: Hits, directions: Float[np.ndarray, "*r 3"]) -> Bool[np.ndarray, "*r"]:
     """Which rays meet a face, and on its front."""
-    found = hits.face >= 0
-    against = np.einsum("hi,hi->h", directions[found], np.take(surface.fronts, hits.face[found], axis=0)) < 0
-    front = np.zeros(found.shape, bool)
-    front[found] = against
-    return front
+    front = np.zeros(hits.face.size, bool)
+    front[_front_hits(surface, hits, directions)] = True
+    return front.reshape(hits.face.shape)
+
+
+def _front_hits(surface: Reflector, hits: Hits, directions: Float[np.ndarray, "*r 3"]) -> Int[np.ndarray, "h"]:
+    """Numbers of the rays that meet a front, all rays counted in a row."""
+    met = np.flatnonzero(hits.face.ravel() >= 0)
+    towards = np.take(directions.reshape(-1, 3), met, axis=0)
+    fronts = np.take(surface.fronts, hits.face.ravel()[met], axis=0)
+    return met[np.einsum("hi,hi->h", towards, fronts) < 0]
 
 
 def keep_hits(surface: Reflector, hits: Hits, directions: Float[np.ndarray, "rows n 3"]) -> KeptHits:
     """The hits on fronts of rows of n rays each."""
-    front = meets_front(surface, hits, directions)
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(front, axis=-1))]).astype(np.int32)
-    second = np.clip(np.rint(hits.u[front] * np.float32(ONE)), 0, ONE).astype(np.int32)
-    third = np.clip(np.rint(hits.v[front] * np.float32(ONE)).astype(np.int32), 0, ONE - second)
-    return KeptHits(starts, hits.face[front], np.stack([second, third], axis=1).astype(np.uint16))
+    rows, n, _ = directions.shape
+    index = _front_hits(surface, hits, directions)
+    starts = np.searchsorted(index, n * np.arange(rows + 1)).astype(np.int32)
+    face, u, v = (array.ravel()[index] for array in hits[:3])
+    weights = np.empty((len(index), 2), np.uint16)
+    weights[:, 0] = second = np.clip(np.rint(u * np.float32(ONE)), 0, ONE)
+    weights[:, 1] = np.clip(np.rint(v * np.float32(ONE)), 0, ONE - second)
+    return KeptHits(starts, face, weights)
 
 
 def sums_at_hits(

@@ -49,7 +49,7 @@ def render(
     size: int,
     quiet: bool,
 ) -> None:
-    """Relight TRANSFER, diffuse or glossy, and write a picture (.png, .jpg) of several views."""
+    """Relight TRANSFER and write a picture (.png, .jpg) of several views."""
     lobe = _lobe(exponent, roughness)
     check_writable(output, [transfer, light_path])
     check_picture(output)
