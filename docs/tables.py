@@ -101,7 +101,6 @@ TABLES = (
     Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
     Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),
     Table("docs/transport.md", "CAVITY", bounce_tables.cavity_table, "interreflection.json"),
-    Table("docs/transport.md", "MITSUBA", bounce_tables.mitsuba_table, "mitsuba.json"),
     Table("docs/transport.md", "BOUNCE SPEED", bounce_tables.bounce_speed_table, "bounce_speed.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )

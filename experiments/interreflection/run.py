@@ -134,7 +134,7 @@ def main(output: Path | None, quick: bool) -> dict:
     timings = error_and_seconds(1 if quick else 5)
     sizes = {"rays": RAYS, "seeds": 2 if quick else SEEDS, "vertices": 1 + 4 * RESOLUTION**2, "rim": 4 * RESOLUTION}
     if output:
-        draw(timings, output.with_name("error_seconds.png"))
+        draw(timings, output.with_suffix(".png"))
     return saved(output, provenance(seed=0, **sizes, rows=rows, timings=timings))
 
 
