@@ -8,7 +8,7 @@ from docs.baking_tables import origin
 def cavity_table(result: dict[str, Any]) -> str:
     """Light in cavities with 0, 1 and 4 bounces beside the closed form, and how honest the error bars are."""
     shown = (0, 1, 4, 8)
-    head = " | ".join(f"{n} bounces: baked, closed form" for n in shown)
+    head = " | ".join(f"{n} bounce{'s' * (n != 1)}: baked, closed form" for n in shown)
     lines = [
         f"| opening, half-angle | {head} | mean of the seeds | z | in 95 % |",
         f"|--:|{'--:|' * len(shown)}--:|--:|--:|",

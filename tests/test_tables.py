@@ -24,6 +24,7 @@ GENERATED = (
     "docs/baking.md",
     "docs/hard_cases.md",
     "docs/model_cards.md",
+    "docs/transport.md",
 )
 
 
