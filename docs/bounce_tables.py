@@ -1,4 +1,4 @@
-"""Tables of light that bounces: cavities against their closed form, seconds, another renderer."""
+"""Tables of light that bounces: cavities against their closed form, seconds and memory."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from docs.baking_tables import origin
 def cavity_table(result: dict[str, Any]) -> str:
     """Light in cavities with 0, 1 and 4 bounces beside the closed form, and how honest the error bars are."""
     shown = (0, 1, 4, 8)
-    head = " | ".join(f"{n} bounces: baked, closed form" for n in shown)
+    head = " | ".join(f"{n} bounce{'s' * (n != 1)}: baked, closed form" for n in shown)
     lines = [
         f"| opening, half-angle | {head} | mean of the seeds | z | in 95 % |",
         f"|--:|{'--:|' * len(shown)}--:|--:|--:|",
@@ -31,7 +31,7 @@ def cavity_table(result: dict[str, Any]) -> str:
 def bounce_speed_table(result: dict[str, Any]) -> str:
     """What bounces add to the direct bake of the same rays, and the memory of a large bake."""
     lines = [
-        "| mesh, vertices | direct, CPU s | one bounce in all | each further | one in colour | each further in colour |",
+        "| mesh, vertices | direct, CPU s | one bounce, all | each further | one in colour, all | each further |",
         "|---|--:|--:|--:|--:|--:|",
     ]
     for row in result["rows"]:
@@ -41,13 +41,3 @@ def bounce_speed_table(result: dict[str, Any]) -> str:
     vertices = result["large"]["grey"]["vertices"]
     memory = f"Peak memory of {vertices} vertices, {result['rays']} rays, 3 bounces: {', '.join(large)}."
     return "\n".join([*lines, "", f"{memory} {origin(result)}."])
-
-
-def mitsuba_table(result: dict[str, Any]) -> str:
-    """Rms difference from Mitsuba's path tracer."""
-    lines = ["| mesh | vertices | of which bounced | difference | with noise |", "|---|--:|--:|--:|--:|"]
-    for row in result["rows"]:
-        numbers = " | ".join(f"{row[name]:.2%}" for name in ("bounced", "difference", "with_noise"))
-        lines.append(f"| {row['mesh']} | {row['vertices']} | {numbers} |")
-    said = f"Albedo {result['albedo']}, {result['bounces']} bounces, Mitsuba {result['mitsuba']}"
-    return "\n".join([*lines, "", f"{said}; {origin(result)}, seed {result['seed']}."])

@@ -22,10 +22,9 @@ GENERATED = (
     "CONTRIBUTING.md",
     "docs/api.md",
     "docs/baking.md",
-    "docs/gloss_part.md",
     "docs/hard_cases.md",
     "docs/model_cards.md",
-    "docs/turn_part.md",
+    "docs/transport.md",
 )
 
 

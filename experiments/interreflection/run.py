@@ -8,7 +8,7 @@ wall to every vertex alike: for an opening of half-angle a about an axis, f = (1
     t^n_k = t^0_k + sin² a / 4 (A_l / pi) Y_k(axis) sum over q = 1 .. n of r^q (1 - f)^(q-1).
 
 The axis is slanted, so that all nine coefficients are there; the rim has 64 segments. The direct transfer of this very
-mesh is a boundary integral over the rim (`tests/helpers/transfer_formulas`). For every opening, albedo and number of
+mesh is a boundary integral over the rim (`tests/helpers/transfer_formulas.py`). For every opening, albedo and number of
 bounces, over all vertices and coefficients:
 
     light     what constant light of radiance 1 makes of it, mean over vertices and seeds, beside the closed form
@@ -134,7 +134,7 @@ def main(output: Path | None, quick: bool) -> dict:
     timings = error_and_seconds(1 if quick else 5)
     sizes = {"rays": RAYS, "seeds": 2 if quick else SEEDS, "vertices": 1 + 4 * RESOLUTION**2, "rim": 4 * RESOLUTION}
     if output:
-        draw(timings, output.with_name("error_seconds.png"))
+        draw(timings, output.with_suffix(".png"))
     return saved(output, provenance(seed=0, **sizes, rows=rows, timings=timings))
 
 

@@ -31,7 +31,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 
 from gash_jax.geometry.health import DEGENERATE_AREA
 from gash_jax.geometry.mesh import Mesh, face_areas
@@ -115,6 +114,8 @@ def trace_geometry(mesh: Mesh, points: Mesh | None = None) -> TraceGeometry:
         places = (points.vertices.astype(np.float64) - shape.center) / shape.half_diagonal
         heights = np.full(len(places), offset)
         if lifts.max() > offset:
+            from scipy.spatial import KDTree  # slow to import, and most bakes have no points
+
             heights = lifts[KDTree(vertices).query(places)[1]]
         origins = np.concatenate([origins, places + heights[:, None] * points.normals.astype(np.float64)])
     return TraceGeometry(rounded, mesh.faces, origins.astype(np.float32), offset)

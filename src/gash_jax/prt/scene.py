@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import KDTree
 
 from gash_jax.algebra.arguments import as_array
 from gash_jax.algebra.directions import orthonormal_frame
@@ -82,6 +81,8 @@ def load_points(
     A 3D Gaussian splat (Kerbl et al. 2023) is flat along its shortest axis, which has no sign: of its two normals it
     gets the one on the side of the normal of the nearest vertex of the mesh.
     """
+    from scipy.spatial import KDTree  # slow to import, and most bakes have no points
+
     points, unsigned = read_points(path, up)
     if not unsigned:
         return points.vertices, points.normals
