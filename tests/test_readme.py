@@ -29,6 +29,8 @@ TINY += "data.shapes=2 data.validation_shapes=1 data.rays=16 data.min_vertices=1
 def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     save_mesh("bunny.ply", bumpy_sphere(10))
+    for name in ("room.ply", "hero.ply"):
+        save_mesh(name, bumpy_sphere(3))
     write_hdr("studio.hdr", studio_light(32))
     Path("sweep.toml").write_text(SWEEP)
     commands = re.findall(r"^gash ([a-z]+ .+)$", README, re.MULTILINE)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.hard_cases import directions, gloss, meshes
+from experiments.hard_cases import bounces, directions, gloss, meshes
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.light.brdf import phong
@@ -218,6 +218,10 @@ CASES = [
             (10, "Lanczos", True, 0.06),
         )
     ),
+    Case("bounces, albedo 0", "coefficients - direct bake", 0.0, bounces.black_walls),
+    Case("50 bounces, albedo 1", "irradiance / pi above 1", 1e-6, bounces.white_walls, "rounding of 50 sums"),
+    Case("bounces, black light", "radiance", 0.0, bounces.black_light),
+    Case("bounces, no vertex has a normal", "transfer", 0.0, bounces.no_normals),
     Case(
         "gloss, exponent 0",
         "radiance under constant light - closed form",
@@ -285,6 +289,12 @@ CASES = [
         "refusal",
         "the transfer has no visibility to make gloss of: bake it with glossy=True (gash bake --glossy)",
         gloss.without_visibility,
+    ),
+    Case(
+        "albedo above 1",
+        "refusal",
+        "1 of 1 albedos are not from 0 to 1 (first: 1.2): no surface sends back more light than it receives",
+        bounces.brighter_than_white,
     ),
     Case("exponent below 0", "refusal", "exponent is -1: use a number of 0 or more", lambda: phong(-1)),
 ]
