@@ -127,7 +127,7 @@ def test_a_sheet_with_two_sides_sends_light_to_both() -> None:
     """Two coincident sheets with opposite normals: each side what its own vertices receive. A hit tells them apart
     only by the side it comes from, so they stand a hair apart."""
     front, back = _wall(True), _wall(False)
-    apart = back._replace(vertices=back.vertices + np.float32([1e-3, 0, 0]))
+    apart = back._replace(vertices=back.vertices + np.array([1e-3, 0, 0], np.float32))
     both = bake_transfer(_corridor(concatenate([front, apart])), rays=64, bounces=1, albedo=1.0).coefficients[:25]
     one = bake_transfer(_corridor(front), rays=64, bounces=1, albedo=1.0).coefficients[:25]
     np.testing.assert_allclose(both, one, atol=3e-3)
