@@ -98,7 +98,7 @@ def _path_edges(before: Int[np.ndarray, "n"], ends: Int[np.ndarray, "_"]) -> Int
     return np.stack([np.flatnonzero(on), before[on]], axis=1)
 
 
-def boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[Int[np.ndarray, "b"]]:
+def boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[Int[np.ndarray, "_"]]:
     """Vertices of each boundary loop of a manifold surface in order, the surface to their left.
 
     The loops come in the order of their smallest vertices, and each begins with it.
@@ -129,6 +129,8 @@ def with_means(disk: Disk, groups: list[Int[np.ndarray, "_"]]) -> Disk:
 def _joined(mesh: Mesh) -> Disk:
     """The mesh with vertices at one position joined; what has no map is refused here."""
     position = weld(mesh.vertices)
+    first = np.unique(position, return_index=True)[1]
+    position = np.argsort(np.argsort(first))[position]  # numbered as their first vertices are
     faces = position[mesh.faces]
     whole = np.flatnonzero(~has_repeated_index(faces))
     used, faces = np.unique(faces[whole], return_inverse=True)
@@ -138,7 +140,16 @@ def _joined(mesh: Mesh) -> Disk:
     rows = number[position[members]]
     ones = sparse.csr_array((np.ones(len(members)), (rows, members)), shape=(len(used), len(mesh.vertices)))
     lift = sparse.csr_array(sparse.diags_array(1 / ones.sum(axis=1)) @ ones)
-    surface = Disk(lift @ mesh.vertices.astype(np.float64), faces, whole, np.zeros(0, np.int64), lift, np.zeros(len(used), bool), 0, 0)
+    surface = Disk(
+        lift @ mesh.vertices.astype(np.float64),
+        faces,
+        whole,
+        np.zeros(0, np.int64),
+        lift,
+        np.zeros(len(used), bool),
+        0,
+        0,
+    )
     _refuse(surface)
     return surface
 
@@ -174,7 +185,7 @@ def _kept_loop(mesh: Mesh, surface: Disk, loops: list[np.ndarray], boundary: int
     return int(np.argmax([lengths(surface.points[loop] - surface.points[np.roll(loop, -1)]).sum() for loop in loops]))
 
 
-def _filled(surface: Disk, loops: list[Int[np.ndarray, "b"]]) -> Disk:
+def _filled(surface: Disk, loops: list[Int[np.ndarray, "_"]]) -> Disk:
     """Each of the loops closed by a cone over the mean of its vertices."""
     if not loops:
         return surface

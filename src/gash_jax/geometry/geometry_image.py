@@ -1,9 +1,9 @@
 """Geometry images: what the vertices of a mesh hold as an image of n x n texels, and back (Gu, Gortler & Hoppe 2002).
 
 Texel (row, column) is the point (u, v) = (column, row) / (n - 1) of the square: the outermost texels lie on its border,
-so that both sides of a seam are sampled where they meet. A texel's value is that of the face it lies on, interpolated by
-barycentric coordinates; a texel of a filled hole takes that of the cone over the hole's rim. A vertex takes its value
-back from the four texels around it, bilinearly. Of the copies that a seam made of it one is chosen, that with the
+so that both sides of a seam are sampled where they meet. A texel's value is that of the face it lies on, interpolated
+by barycentric coordinates; a texel of a filled hole takes that of the cone over the hole's rim. A vertex takes its
+value back from the four texels around it, bilinearly. Of the copies that a seam made of it one is chosen, that with the
 largest area of faces around it in the square; vertices at one position share it. So both sides of a seam get one value.
 Vertices without a face get 0.
 
@@ -74,8 +74,8 @@ def locate(
 ) -> tuple[Int[np.ndarray, "n n"], Float[np.ndarray, "n n 3"]]:
     """The face that each texel lies on, and its barycentric coordinates there; on an edge, one of both faces.
 
-    `faces` are counter-clockwise and cover the unit square. Every face is asked about the texels in its box, and a texel
-    takes the face whose smallest coordinate for it is largest.
+    `faces` are counter-clockwise and cover the unit square. Every face is asked about the texels in its box, and a
+    texel takes the face whose smallest coordinate for it is largest.
     """
     grid = uv * (size - 1)
     corners = grid[faces]

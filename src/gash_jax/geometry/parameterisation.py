@@ -25,14 +25,13 @@ to its border, as Gu, Gortler & Hoppe 2002 ("Geometry images", section 3) do; a 
 the stretch is not made.
 """
 
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from gash_jax.algebra.arguments import shown
 from gash_jax.geometry.disks import Disk, as_disk, with_means, with_seam
 from gash_jax.geometry.mesh import Mesh, MeshError, face_areas, lengths
 from gash_jax.geometry.stretch import signed_areas, total_stretch, vertex_stretch
@@ -64,11 +63,8 @@ def parameterise(mesh: Mesh, method: Method = "stretch", boundary: int | None = 
     """Map a mesh to the unit square, every face counter-clockwise and of positive area (module docstring).
 
     `method` "harmonic" is the plain map, "stretch" the one of less stretch; `boundary` is a vertex of the loop that
-    goes to the border, None the longest. Raises MeshError for a mesh without such a map (`disks`), ValueError for
-    another method.
+    goes to the border, None the longest. Raises MeshError for a mesh without such a map (`disks`).
     """
-    if method not in get_args(Method):
-        raise ValueError(f"method is {shown(method)}: use one of {', '.join(get_args(Method))}")
     disk = as_disk(mesh, boundary)
     if method == "harmonic":
         disk, border, split, flat = _on_border(disk)
