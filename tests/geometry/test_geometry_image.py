@@ -101,8 +101,8 @@ def test_holes_are_filled_and_marked() -> None:
 
 def test_loose_vertices_get_nothing() -> None:
     mesh = plane(1.0, 3)
-    loose = Mesh(*(np.concatenate([array, array[:1]]) for array in mesh[:2]), mesh.faces)
-    loose.vertices[-1] = [9, 9, 9]
+    far = np.array([[9, 9, 9]], np.float32)
+    loose = Mesh(np.concatenate([mesh.vertices, far]), np.concatenate([mesh.normals, 0 * far]), mesh.faces)
     image = geometry_image(parameterise(loose), 8)
     back = image.from_image(image.to_image(loose.vertices))
     np.testing.assert_array_equal(back[-1], 0)

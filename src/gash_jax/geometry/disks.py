@@ -160,7 +160,7 @@ def _refuse(surface: Disk) -> None:
     if not count:
         raise MeshError("every face has two corners in one place: there is no surface to map to a square")
     edges = build_edges(faces, count)
-    if parts := int(connected_labels(*edges.vertices.T, count).max()):
+    if parts := int(connected_labels(edges.vertices[:, 0], edges.vertices[:, 1], count).max()):
         raise MeshError(f"the mesh has {parts + 1} parts: a square takes one, map each part by itself")
     for bad, what in (
         (int((edges.faces_at > 2).sum()), "edges with more than two faces"),

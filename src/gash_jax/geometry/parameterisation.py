@@ -113,7 +113,7 @@ def _on_border(disk: Disk) -> tuple[Disk, Float[np.ndarray, "b 2"], int, int]:
     edges = build_edges(disk.faces, count)
     tail, head = edges.vertices.T
     split = np.flatnonzero((edges.faces_at == 2) & (sides[tail] & sides[head]).any(axis=1))
-    flat = int(sides[disk.faces].all(axis=1).any(axis=1).sum())
+    flat = int(np.any(np.all(sides[disk.faces], axis=1), axis=1).sum())
     if not len(split):
         return disk, border, 0, flat
     middle = np.full(len(edges.start), -1)
@@ -175,7 +175,7 @@ def solve_interior(
     weights: sparse.csr_array, loop: Int[np.ndarray, "b"], border: Float[np.ndarray, "b 2"]
 ) -> Float[np.ndarray, "n 2"]:
     """Positions of all vertices where those of the loop are given and each other is the weighted mean of its own."""
-    count = weights.shape[0]
+    count = np.shape(weights)[0]
     inside = np.setdiff1d(np.arange(count), loop)
     uv = np.zeros((count, 2))
     uv[loop] = border
