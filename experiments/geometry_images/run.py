@@ -1,6 +1,6 @@
 """What a geometry image loses: stretch, crowded faces, round trips of positions and of transfer by resolution.
 
-    .venv/bin/python -m experiments.geometry_images.run --meshes FOLDER --output experiments/geometry_images/results.json
+    .venv/bin/python -m experiments.geometry_images.run --meshes FOLDER --output FILE.json
 
 The figure stands beside the results. A round trip is from the vertices to the image and back. Meshes: one that the
 project generates, and of --meshes the ICT face's skin and the cow Spot.
