@@ -1,10 +1,10 @@
 """The door for animations: npz files of recorded frames, blendshapes or a rig, and glTF files.
 
-| arrays of the npz | frames |
-|---|---|
-| `verts` (t, v, 3), `faces` (f, 3) | as they are; frame 0 is the rest |
-| `base` (v, 3), `delta` (k, v, 3), `faces`, `names` (k,) | base + sum_k a_k delta_k, a from `parameters` (t, k); without it the base, then each shape by itself |
-| `rest` (v, 3), `weights` (v, b), `transforms` (t, b, 3, 4), `faces`, `names` (b,) | sum_b w_b T_b [rest; 1] |
+* *recorded frames*: `verts` (t, v, 3), `faces` (f, 3). Frame 0 is the rest.
+* *blendshapes*: `base` (v, 3), `delta` (k, v, 3), `faces`, `names` (k,), `parameters` (t, k). A frame is
+  base + sum_k a_k delta_k, a its row of `parameters`; without them the frames are the base, then each shape by itself.
+* *rig*: `rest` (v, 3), `weights` (v, b), `transforms` (t, b, 3, 4), `faces`, `names` (b,). A frame is
+  sum_b w_b T_b [rest; 1].
 
 `names` and `times` (t,), in seconds, may be missing; other arrays are noted and left out. Weights of bones are divided
 by their sum at each vertex, with a note where that changes them. Recorded frames that the file holds uncompressed

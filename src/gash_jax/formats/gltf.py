@@ -149,6 +149,7 @@ def scene_places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:
 
 
 def local_matrix(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+    """Place of a node in the one above it."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)

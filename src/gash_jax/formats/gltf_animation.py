@@ -1,8 +1,8 @@
 """Animations in glTF 2.0 files: skins, morph targets and moving nodes, posed by a clip.
 
-The mesh is that of the mesh reader, vertex by vertex: the scene at rest, skins in their bind pose. Every joint of a skin
-is a bone, and so is every node that has an unskinned mesh; its matrix takes the vertices of the rest to where the clip
-puts them. Morph targets are shapes whose weights count from those that the rest has.
+The mesh is that of the mesh reader, vertex by vertex: the scene at rest, skins in their bind pose. Every joint of a
+skin is a bone, and so is every node that has an unskinned mesh; its matrix takes the vertices of the rest to where the
+clip puts them. Morph targets are shapes whose weights count from those that the rest has.
 
 Frames are at the keys of the clip. Without a clip a file with morph targets gives its rest and then each target by
 itself; any other is refused, as nothing moves in it.

@@ -11,7 +11,8 @@ A frame is made when it is asked for, so an animation may be larger than memory.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -25,7 +26,9 @@ _ROUNDED = 1e-2  # weights of bones may be stored in 8 bits
 class Motion(Protocol):
     """What makes positions (v, 3), float32, of a row of parameters."""
 
-    def __call__(self, row: Num[np.ndarray, "p"], /) -> Float[np.ndarray, "v 3"]: ...
+    def __call__(self, row: Num[np.ndarray, "p"], /) -> Float[np.ndarray, "v 3"]:
+        """The positions."""
+        ...
 
 
 class Blend(NamedTuple):
@@ -60,7 +63,8 @@ class Recorded(NamedTuple):
         return (points if self.turn is None else points @ self.turn.T).astype(np.float32)
 
 
-class Animation(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Animation:
     """A mesh in its rest pose, a row of parameters for each frame, and what makes positions of a row.
 
     `_replace(parameters=...)` gives other poses of the same motion: rows of random weights, say.
@@ -81,6 +85,10 @@ class Animation(NamedTuple):
 
     def __len__(self) -> int:
         return len(self.parameters)
+
+    def _replace(self, **changes: Any) -> "Animation":
+        """A copy with some fields changed."""
+        return replace(self, **changes)
 
     def frame(self, number: WholeNumber) -> Float[np.ndarray, "v 3"]:
         """Positions of a frame, float32. Raises ValueError for a number that no frame has."""
