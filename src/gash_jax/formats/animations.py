@@ -86,12 +86,11 @@ def _read_npz(path: Path) -> Animation:
     unknown = sorted(set(arrays) - {*known, "metadata"})
     notes = (f"arrays that no animation has: {', '.join(unknown)}, left out",) if unknown else ()
     try:
-        animation = _READ[form](arrays)
+        animation, seconds = _READ[form](arrays), None
+        if "times" in arrays:
+            seconds = _finite("times", _numbers(arrays, "times", (len(animation),))).astype(np.float64)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
-    seconds = None
-    if "times" in arrays:
-        seconds = _numbers(arrays, "times", (len(animation),)).astype(np.float64)
     return animation._replace(seconds=seconds, notes=notes + animation.notes)
 
 
@@ -110,7 +109,7 @@ def _numbers(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | str, .
 def _recorded(arrays: dict[str, np.ndarray]) -> Animation:
     verts = _numbers(arrays, "verts", ("t", "v", 3))
     mesh = _rest(verts[0], arrays)
-    return Animation(mesh, np.arange(len(verts))[:, None], ("frame",), Recorded(verts))
+    return Animation(mesh, np.arange(len(verts), dtype=np.float64)[:, None], ("frame",), Recorded(verts))
 
 
 def _blendshapes(arrays: dict[str, np.ndarray]) -> Animation:
@@ -176,7 +175,6 @@ def _turned(animation: Animation, turn: Float[np.ndarray, "3 3"]) -> Animation:
     motion = animation.motion
     if isinstance(motion, Recorded):
         return animation._replace(mesh=mesh, motion=motion._replace(turn=turn))
-    assert isinstance(motion, Blend)
     moved = animation.transforms.astype(np.float64)
     moved = np.concatenate([turn @ moved[..., :3] @ turn.T, (moved[..., 3] @ turn.T)[..., None]], axis=-1)
     return animation._replace(
@@ -190,8 +188,9 @@ def _turned(animation: Animation, turn: Float[np.ndarray, "3 3"]) -> Animation:
 
 def _check_frames(path: Path, animation: Animation) -> None:
     """Raise MeshError for a frame whose positions are not finite."""
-    for number, points in enumerate(animation.frames()):
-        bad = ~np.isfinite(points).all(axis=1)
+    for number, row in enumerate(animation.parameters):
+        with np.errstate(all="ignore"):
+            bad = ~np.isfinite(animation.motion(row)).all(axis=1)
         if bad.any():
             raise MeshError(
                 f"{path}: {bad.sum()} vertices of frame {number} are not finite (first: {np.argmax(bad)}): "

@@ -15,11 +15,13 @@ import numpy as np
 from jaxtyping import Float
 
 from gash_jax.formats.gltf import mesh_places, read_piece, scene_places
-from gash_jax.formats.gltf_clips import Tracks, clip_times, clip_tracks, find_clip, moving_places
+from gash_jax.formats.gltf_clips import Tracks, clip_name, clip_times, clip_tracks, find_clip, moving_places
 from gash_jax.formats.gltf_document import Document, open_document
-from gash_jax.formats.meshes import read_mesh
+from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.animation import Animation, Blend, blend_rows, unit_weights
 from gash_jax.geometry.mesh import MeshError
+
+_UNREADABLE = "its skins, morph targets or clips cannot be read: damaged or cut off, export it again"
 
 
 class _Part(NamedTuple):
@@ -36,7 +38,7 @@ class _Part(NamedTuple):
 
 def read_gltf_animation(path: Path, clip: str | None, times: Float[np.ndarray, "t"] | None = None) -> Animation:
     """The animation of a .glb or .gltf file; `times` in seconds, None at the keys of the clip. Raises MeshError."""
-    mesh, report = read_mesh(path)
+    mesh = load_mesh(path)
     try:
         document = open_document(path.read_bytes(), path.parent)
         found = find_clip(document, clip)
@@ -53,10 +55,26 @@ def read_gltf_animation(path: Path, clip: str | None, times: Float[np.ndarray, "
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, MemoryError, RecursionError):
-        raise MeshError(f"{path}: its skins, morph targets or clips cannot be read: damaged or cut off") from None
+        raise MeshError(f"{path}: {_UNREADABLE}") from None
     names = [name for part in parts for name in part.shapes]
     names += [_node_name(document, bone) for part in parts for bone in part.bones]
-    return Animation(mesh, rows, tuple(names), motion, times if found else None, report.notes + notes)
+    return Animation(mesh, rows, tuple(names), motion, times if found else None, notes)
+
+
+def moves(path: Path) -> bool:
+    """Whether a .glb or .gltf file has a clip or morph targets. Raises MeshError where it cannot be read."""
+    try:
+        found = open_document(path.read_bytes(), path.parent).json
+        entries = [entry for mesh in found.get("meshes", ()) for entry in mesh["primitives"]]
+        return bool(found.get("animations")) or any(entry.get("targets") for entry in entries)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise MeshError(f"{path}: {_UNREADABLE}") from None
+
+
+def clip_names(path: Path) -> list[str]:
+    """Names of the clips of a .glb or .gltf file that can be read."""
+    clips = open_document(path.read_bytes(), path.parent).json.get("animations", [])
+    return [clip_name(clip, number) for number, clip in enumerate(clips)]
 
 
 def _node_name(document: Document, number: int) -> str:

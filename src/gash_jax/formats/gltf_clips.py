@@ -24,10 +24,15 @@ def find_clip(document: Document, name: str | None) -> dict[str, Any] | None:
     clips = document.json.get("animations", [])
     if name is None:
         return clips[0] if clips else None
-    names = [clip.get("name", f"clip {number}") for number, clip in enumerate(clips)]
+    names = [clip_name(clip, number) for number, clip in enumerate(clips)]
     if name not in names:
         raise MeshError(f"no clip is called {name!r}: the file has {', '.join(names) or 'none'}")
     return clips[names.index(name)]
+
+
+def clip_name(clip: dict[str, Any], number: int) -> str:
+    """Name of a clip; one without is called by its number."""
+    return str(clip.get("name", f"clip {number}"))
 
 
 def clip_times(document: Document, clip: dict[str, Any]) -> Float[np.ndarray, "t"]:

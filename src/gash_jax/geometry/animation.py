@@ -12,7 +12,7 @@ A frame is made when it is asked for, so an animation may be larger than memory.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -23,14 +23,6 @@ from gash_jax.geometry.mesh import Mesh, MeshError
 _ROUNDED = 1e-2  # weights of bones may be stored in 8 bits
 
 
-class Motion(Protocol):
-    """What makes positions (v, 3), float32, of a row of parameters."""
-
-    def __call__(self, row: Num[np.ndarray, "p"], /) -> Float[np.ndarray, "v 3"]:
-        """The positions."""
-        ...
-
-
 class Blend(NamedTuple):
     """Shapes and bones (module docstring)."""
 
@@ -38,7 +30,7 @@ class Blend(NamedTuple):
     deltas: Float[np.ndarray, "k v 3"]
     weights: Float[np.ndarray, "v b"]  # each row sums to 1; no columns where there are no bones
 
-    def __call__(self, row: Num[np.ndarray, "p"]) -> Float[np.ndarray, "v 3"]:
+    def __call__(self, row: Float[np.ndarray, "p"]) -> Float[np.ndarray, "v 3"]:
         """Positions of a row of parameters, float32."""
         shapes, bones = len(self.deltas), self.weights.shape[1]
         active = np.flatnonzero(row[:shapes])
@@ -57,7 +49,7 @@ class Recorded(NamedTuple):
     frames: Num[np.ndarray, "t v 3"]  # may be a memory map
     turn: Float[np.ndarray, "3 3"] | None = None  # that puts the file's up axis to +y
 
-    def __call__(self, row: Num[np.ndarray, "p"]) -> Float[np.ndarray, "v 3"]:
+    def __call__(self, row: Float[np.ndarray, "p"]) -> Float[np.ndarray, "v 3"]:
         """Positions of the frame whose number the row holds."""
         points = np.asarray(self.frames[int(row[0])], np.float64)
         return (points if self.turn is None else points @ self.turn.T).astype(np.float32)
@@ -77,9 +69,9 @@ class Animation:
     """
 
     mesh: Mesh
-    parameters: Num[np.ndarray, "t p"]
+    parameters: Float[np.ndarray, "t p"]
     names: tuple[str, ...]  # of the shapes, then of the bones; ("frame",) where frames are recorded
-    motion: Motion
+    motion: Blend | Recorded
     seconds: Float[np.ndarray, "t"] | None = None  # of each frame, where the file says it
     notes: tuple[str, ...] = ()  # what reading had to decide
 

@@ -71,7 +71,13 @@ def cloth_animation(seed: WholeNumber, frames: WholeNumber, vertices_along: Whol
             points, velocity = cloth_step(points, velocity, groups, STEP * (number - 1 + (part + 1) / SUBSTEPS))
         found.append(points.astype(np.float32))
     mesh, _ = prepare_mesh(found[0], faces.astype(np.int32))
-    return Animation(mesh, np.arange(frames)[:, None], ("frame",), Recorded(np.stack(found)), STEP * np.arange(frames))
+    return Animation(
+        mesh,
+        np.arange(frames, dtype=np.float64)[:, None],
+        ("frame",),
+        Recorded(np.stack(found)),
+        STEP * np.arange(frames),
+    )
 
 
 def cloth_step(
