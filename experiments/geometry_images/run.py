@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,8 +18,10 @@ from matplotlib.figure import Figure
 from benchmarks.options import options, saved
 from experiments.geometry_images.pictures import draw_reconstructions
 from gash_jax.formats.meshes import load_mesh
+from gash_jax.geometry import parameterisation
 from gash_jax.geometry.geometry_image import geometry_image
 from gash_jax.geometry.health import prepare_mesh
+from gash_jax.geometry.image_fit import image_fit
 from gash_jax.geometry.mesh import Mesh, lengths
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.geometry.parameterisation import Method, SquareMap, parameterise
@@ -32,6 +35,7 @@ SHOWN = {"ict_face_skin": "ICT face", "spot": "Spot"}
 METHODS: tuple[Method, ...] = ("harmonic", "stretch")
 SIZES = (64, 128, 256, 512)
 SEED, BANDS, RAYS = 0, 4, 1024
+EVENNESSES = (0.0, 0.5, 0.75, 1.0)
 
 
 def generated_body(size: int) -> Mesh:
@@ -67,13 +71,24 @@ def size_figures(square: SquareMap, mesh: Mesh, transfer: np.ndarray, size: int)
     image, own = geometry_image(square, size), square.disk.face_of >= 0
     areas = signed_areas(square.uv, square.disk.faces)[own]
     back = image.from_image(image.to_image(mesh.vertices))
+    fitted = image.from_image(image_fit(image)(transfer))
     error = lengths((back - mesh.vertices).astype(np.float64))[NormalisedMesh(mesh).referenced]
     error /= 2 * NormalisedMesh(mesh).half_diagonal
     return {
         **{"size": size, "below_a_texel": float((areas < 1 / (size - 1) ** 2).mean())},
         **{"positions_rms": float(np.sqrt(np.mean(error**2))), "positions_most": float(error.max())},
         "transfer_relrmse": relrmse(image.from_image(image.to_image(transfer)), transfer),
+        "fitted_relrmse": relrmse(fitted, transfer),
     }
+
+
+def evenness_figures(mesh: Mesh, transfer: np.ndarray, size: int) -> list[dict[str, Any]]:
+    """The less stretched map at other weights of small faces, at one size."""
+    found = []
+    for evenness in EVENNESSES:
+        with patch.object(parameterisation, "EVENNESS", evenness):
+            found.append({"evenness": evenness, **size_figures(parameterise(mesh), mesh, transfer, size)})
+    return found
 
 
 def main(meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
@@ -87,7 +102,10 @@ def main(meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any
             square = parameterise(mesh, method)
             figures = map_figures(square, time.perf_counter() - start)
             found = [size_figures(square, mesh, transfer.coefficients, size) for size in sizes]
-            rows.append({"mesh": name, "vertices": len(mesh.vertices), "method": method, **figures, "sizes": found})
+            row = {"mesh": name, "vertices": len(mesh.vertices), "method": method, **figures, "sizes": found}
+            if method == "stretch":
+                row["evenness"] = evenness_figures(mesh, transfer.coefficients, sizes[-2])
+            rows.append(row)
             drawn[name, method] = (transfer, square)
             last = {key: value for key, value in found[-1].items() if key != "size"}
             print(f"{name} {method}: stretch {figures['stretch']:.3f}, at {sizes[-1]} {last}", flush=True)
@@ -101,17 +119,20 @@ def main(meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any
 def plot_round_trips(rows: list[dict[str, Any]], path: Path) -> None:
     """Faces below a texel, and errors of positions and transfer, against the resolution."""
     figure = Figure(figsize=(11, 3.8), layout="constrained")
-    plots = figure.subplots(1, 3)
+    plots, sizes = figure.subplots(1, 3), [found["size"] for found in rows[0]["sizes"]]
     wanted = ("below_a_texel", "positions_rms", "transfer_relrmse")
     labels = ("share of faces below a texel", "positions, RMS error / box diagonal", "transfer, relrmse")
     colors = {name: f"C{number}" for number, name in enumerate(dict.fromkeys(row["mesh"] for row in rows))}
     for plot, key, label in zip(plots, wanted, labels, strict=True):
         for row in rows:
-            sizes = [found["size"] for found in row["sizes"]]
             style = "-" if row["method"] == "stretch" else "--"
             line = f"{row['mesh']}, {'less stretch' if row['method'] == 'stretch' else 'harmonic'}"
             values = [found[key] for found in row["sizes"]]
             plot.plot(sizes, values, style, marker="o", color=colors[row["mesh"]], label=line)
+            if key == "transfer_relrmse" and row["method"] == "stretch":
+                fitted = [found["fitted_relrmse"] for found in row["sizes"]]
+                plots[0].plot([], [], ":", color=colors[row["mesh"]], label=f"{row['mesh']}, images fitted")
+                plot.plot(sizes, fitted, ":", color=colors[row["mesh"]])
         plot.set(xscale="log", xlabel="texels along a side", ylabel=label, xticks=sizes, xticklabels=sizes)
         plot.set_yscale("linear" if key == "below_a_texel" else "log")
         plot.minorticks_off()

@@ -38,7 +38,8 @@ _EXTRA = {"recorded frames": (), "blendshapes": ("names", "parameters"), "rig": 
 
 def animation_form(path: str | os.PathLike[str]) -> str | None:
     """Which of the forms of animation a file's arrays have; None for other files."""
-    if as_path(path).suffix.lower() != ".npz":
+    path = as_path(path)
+    if path.suffix.lower() != ".npz":
         return None
     names = array_names(path)
     return next((form for form, wanted in FORMS.items() if set(wanted) <= set(names)), None)

@@ -34,6 +34,7 @@ class Disk(NamedTuple):
     face_of: Int[np.ndarray, "m"]  # face of the mesh that each one is, or a part of; -1 where a loop was filled
     loop: Int[np.ndarray, "b"]  # boundary, the surface to its left
     lift: sparse.csr_array  # (n, v): points = lift @ vertices
+    vertices: int  # that the mesh has
     made: Bool[np.ndarray, "n"]  # tips of cones and middles of edges: no vertex of the mesh lies there
     filled_loops: int
     cut_edges: int  # edges of the surface that were cut
@@ -140,16 +141,9 @@ def _joined(mesh: Mesh) -> Disk:
     rows = number[position[members]]
     ones = sparse.csr_array((np.ones(len(members)), (rows, members)), shape=(len(used), len(mesh.vertices)))
     lift = sparse.csr_array(sparse.diags_array(1 / ones.sum(axis=1)) @ ones)
-    surface = Disk(
-        lift @ mesh.vertices.astype(np.float64),
-        faces,
-        whole,
-        np.zeros(0, np.int64),
-        lift,
-        np.zeros(len(used), bool),
-        0,
-        0,
-    )
+    nothing, count = np.zeros(0, np.int64), len(mesh.vertices)
+    points = lift @ mesh.vertices.astype(np.float64)
+    surface = Disk(points, faces, whole, nothing, lift, count, np.zeros(len(used), bool), 0, 0)
     _refuse(surface)
     return surface
 

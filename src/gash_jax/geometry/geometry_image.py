@@ -54,7 +54,7 @@ def geometry_image(square: SquareMap, size: WholeNumber) -> GeometryImage:
     face, barycentric = locate(square.uv, faces, size)
     lift = disk.lift
     own = np.diff(lift.indptr) == 1
-    column = np.shape(lift)[1] + np.cumsum(~own) - 1
+    column = disk.vertices + np.cumsum(~own) - 1
     column[own] = lift.indices[lift.indptr[:-1][own]]
     members, shares = _padded(lift[~own])
     texels, bilinear = _around_vertices(square, size)
@@ -127,7 +127,7 @@ def _around_vertices(square: SquareMap, size: int) -> tuple[Int[np.ndarray, "v 4
     rows = np.flatnonzero(~disk.made)
     entries = disk.lift[rows].tocoo()
     order = np.argsort(around[rows[entries.row]], kind="stable")
-    chosen = np.full(np.shape(disk.lift)[1], -1)
+    chosen = np.full(disk.vertices, -1)
     chosen[entries.col[order]] = rows[entries.row[order]]  # the largest comes last and stays
     grid = square.uv[chosen] * (size - 1)
     first = np.clip(np.floor(grid), 0, size - 2).astype(np.int32)
