@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import baking_tables
+from docs import animation_tables, baking_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -100,6 +100,9 @@ TABLES = (
     Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),
     Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
     Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),
+    Table("docs/animation_part.md", "MAPS", animation_tables.maps_table, "geometry_images.json"),
+    Table("docs/animation_part.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
+    Table("docs/animation_part.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

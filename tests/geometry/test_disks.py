@@ -95,6 +95,18 @@ def test_faces_that_joining_makes_thin_are_left_out() -> None:
     np.testing.assert_allclose(disk.lift.sum(axis=1), 1)
 
 
+def test_a_vertex_where_fans_touch_becomes_one_for_each() -> None:
+    ball = icosphere(2)
+    low, high = int(ball.vertices[:, 1].argmin()), int(ball.vertices[:, 1].argmax())
+    pinched = ball._replace(vertices=ball.vertices.copy())
+    pinched.vertices[[low, high]] = 0
+    disk = as_disk(pinched)
+    assert len(disk.faces) == len(ball.faces) and len(boundary_loops(disk.faces)) == 1
+    copies = np.flatnonzero((disk.points == 0).all(axis=1))
+    assert len(copies) >= 2
+    np.testing.assert_allclose(disk.lift[copies].toarray()[:, [low, high]], 0.5)
+
+
 TETRA = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, 0]])
 
 
@@ -104,7 +116,7 @@ TETRA = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, -1, 0]])
         (concatenate([plane(1.0, 2), icosphere(1)]), "has 2 parts"),
         (mesh_of(TETRA, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]])), "1 edges with more than two faces"),
         (mesh_of(TETRA, np.array([[0, 1, 2], [0, 1, 3]])), "1 edges whose two faces are wound against each other"),
-        (mesh_of(TETRA, np.array([[0, 1, 2], [0, 3, 4]])), "1 vertices where fans of faces touch"),
+        (mesh_of(TETRA, np.array([[0, 1, 2], [0, 3, 4]])), "has 2 parts"),  # which touch in a vertex
         (mesh_of(TETRA[[0, 0, 1]], np.array([[0, 1, 2]])), "no surface to map"),
     ],
 )

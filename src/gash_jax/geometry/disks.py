@@ -4,7 +4,7 @@ A *disk* is a surface with one boundary loop and no handle. The mesh itself stay
 mean of mesh vertices, and `lift` (sparse) says which.
 
 * Vertices at equal positions are joined (seams of textures, corners of an STL file), so faces that name such a vertex
-  twice disappear from the map.
+  twice disappear from the map. A vertex where fans of faces touch becomes one for each fan.
 * Of several boundary loops one stays: the longest, or a chosen one. Each other is closed by a cone over its mean.
 * A closed surface of genus 0 is cut along the shortest path by edges between two vertices far apart: the one farthest
   from the surface's centroid, and the one farthest from that along edges.
@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import depth_first_order, dijkstra, minimum_spanning_tree
 
 from gash_jax.algebra.arguments import whole_number
-from gash_jax.geometry.mesh import Mesh, MeshError, connected_labels, face_areas, lengths
+from gash_jax.geometry.mesh import Mesh, MeshError, connected_labels, face_areas, face_components, lengths
 from gash_jax.geometry.topology import build_edges, fan_counts, has_repeated_index, repeated_directions, weld
 
 
@@ -44,7 +44,7 @@ def as_disk(mesh: Mesh, boundary: int | None = None) -> Disk:
     """The mesh as a disk. `boundary` names the loop that stays by one of its vertices; None is the longest loop.
 
     Raises MeshError, one line, for what has no such map: several parts, edges of more than two faces, faces wound
-    against each other, vertices where fans of faces touch.
+    against each other.
     """
     surface = _joined(mesh)
     loops = boundary_loops(surface.faces)
@@ -128,13 +128,15 @@ def with_means(disk: Disk, groups: list[Int[np.ndarray, "_"]]) -> Disk:
 
 
 def _joined(mesh: Mesh) -> Disk:
-    """The mesh with vertices at one position joined; what has no map is refused here."""
+    """The mesh with vertices at one position joined and fans parted; what has no map is refused here."""
     position = weld(mesh.vertices)
     first = np.unique(position, return_index=True)[1]
     position = np.argsort(np.argsort(first))[position]  # numbered as their first vertices are
     faces = position[mesh.faces]
     whole = np.flatnonzero(~has_repeated_index(faces))
     used, faces = np.unique(faces[whole], return_inverse=True)
+    if not len(used):
+        raise MeshError("every face has two corners in one place: there is no surface to map to a square")
     faces, number = faces.reshape(-1, 3), np.full(len(mesh.vertices), -1)
     number[used] = np.arange(len(used))
     members = np.flatnonzero(number[position] >= 0)
@@ -144,25 +146,18 @@ def _joined(mesh: Mesh) -> Disk:
     nothing, count = np.zeros(0, np.int64), len(mesh.vertices)
     points = lift @ mesh.vertices.astype(np.float64)
     surface = Disk(points, faces, whole, nothing, lift, count, np.zeros(len(used), bool), 0, 0)
-    _refuse(surface)
-    return surface
-
-
-def _refuse(surface: Disk) -> None:
-    """Raise MeshError unless the surface is one oriented manifold part."""
-    faces, count = surface.faces, len(surface.points)
-    if not count:
-        raise MeshError("every face has two corners in one place: there is no surface to map to a square")
-    edges = build_edges(faces, count)
-    if parts := int(connected_labels(edges.vertices[:, 0], edges.vertices[:, 1], count).max()):
-        raise MeshError(f"the mesh has {parts + 1} parts: a square takes one, map each part by itself")
+    edges = build_edges(faces, len(used))
     for bad, what in (
         (int((edges.faces_at > 2).sum()), "edges with more than two faces"),
         (int((repeated_directions(edges) > 0).sum()), "edges whose two faces are wound against each other"),
-        (int((fan_counts(faces, edges, count) > 1).sum()), "vertices where fans of faces touch"),
     ):
         if bad:
             raise MeshError(f"the mesh has {bad} {what}, so it has no map to a square: repair it first")
+    if (fan_counts(faces, edges, len(used)) > 1).any():
+        surface = _opened(surface, np.zeros((0, 2), np.int64))
+    if parts := int(face_components(surface.faces).max(initial=0)):
+        raise MeshError(f"the mesh has {parts + 1} parts: a square takes one, map each part by itself")
+    return surface
 
 
 def _kept_loop(mesh: Mesh, surface: Disk, loops: list[np.ndarray], boundary: int | None) -> int | None:
@@ -232,7 +227,7 @@ def _opened(surface: Disk, cuts: Int[np.ndarray, "c 2"]) -> Disk:
     return surface._replace(
         points=surface.points[vertex],
         faces=faces,
-        loop=np.concatenate(boundary_loops(faces)),
+        loop=np.concatenate([*boundary_loops(faces), np.zeros(0, np.int64)]),
         lift=surface.lift[vertex],
         made=surface.made[vertex],
         cut_edges=surface.cut_edges + len(cuts),
