@@ -56,8 +56,14 @@ def _arm(file: Gltf, weights: np.ndarray, **more: object) -> dict:
 SHARES = np.stack([(BALL.vertices[:, 0] < 0), (BALL.vertices[:, 0] >= 0)], axis=1).astype(float)
 
 
+RAISED = np.array([0, 2, 0])
+
+
 def _skinned(tmp_path: Path, shares: np.ndarray = SHARES) -> Path:
-    """Nodes: 0 the skinned ball, 1 the upper joint at (-1, 0, 0), 2 the lower one at the origin, which bends."""
+    """Nodes: 0 the skinned ball, 1 the upper joint, 2 the lower one, which bends about the middle of the ball.
+
+    At rest the whole skeleton stands RAISED over where it was bound.
+    """
     file = Gltf()
     file.document["meshes"] = [{"primitives": [_arm(file, shares)]}]
     bind = np.stack([np.eye(4), np.eye(4)])
@@ -73,7 +79,7 @@ def _skinned(tmp_path: Path, shares: np.ndarray = SHARES) -> Path:
     Clip(file, "walk").move(1, "translation", [0.0, 0.5], [[-1, 0, 0], [-1, 0, 4]])
     nodes = [
         {"mesh": 0, "skin": 0, "translation": [50, 0, 0]},  # which does not count
-        {"name": "upper", "translation": [-1, 0, 0], "children": [2]},
+        {"name": "upper", "translation": [-1, 2, 0], "children": [2]},
         {"translation": [1, 0, 0]},
     ]
     return _save(tmp_path, file, nodes, [0, 1])
@@ -84,12 +90,12 @@ def test_a_joint_that_bends_by_hand(tmp_path: Path) -> None:
     animation = load_animation(path)
     assert animation.names == ("upper", "node 2") and len(animation) == 2
     np.testing.assert_array_equal(animation.mesh.vertices, load_mesh(path).vertices)
-    np.testing.assert_allclose(animation.frame(0), BALL.vertices, atol=1e-6)
+    np.testing.assert_allclose(animation.frame(0), BALL.vertices + RAISED, atol=1e-6)
     bent = np.where(SHARES[:, :1] == 1, BALL.vertices, TURN.apply(BALL.vertices))
-    np.testing.assert_allclose(animation.frame(1), bent, atol=1e-6)
+    np.testing.assert_allclose(animation.frame(1), bent + RAISED, atol=1e-6)
     half = read_gltf_animation(path, "bend", np.array([0.5])).frame(0)
     eighth = Rotation.from_euler("z", 45, degrees=True).apply(BALL.vertices)
-    np.testing.assert_allclose(half, np.where(SHARES[:, :1] == 1, BALL.vertices, eighth), atol=1e-6)
+    np.testing.assert_allclose(half, np.where(SHARES[:, :1] == 1, BALL.vertices, eighth) + RAISED, atol=1e-6)
 
 
 def test_clips_are_chosen_by_name(tmp_path: Path) -> None:
@@ -105,7 +111,7 @@ def test_clips_are_chosen_by_name(tmp_path: Path) -> None:
 def test_weights_of_a_skin_are_made_to_sum_to_1(tmp_path: Path) -> None:
     animation = load_animation(_skinned(tmp_path, 2 * SHARES))
     assert "divided by their sum" in animation.notes[0]
-    np.testing.assert_allclose(animation.frame(0), BALL.vertices, atol=1e-6)
+    np.testing.assert_allclose(animation.frame(0), BALL.vertices + RAISED, atol=1e-6)
     with pytest.raises(MeshError, match="no usable weights of bones"):
         load_animation(_skinned(tmp_path, 0 * SHARES))
 

@@ -3,7 +3,7 @@ import pytest
 
 from gash_jax.geometry.disks import as_disk, boundary_loops, with_seam
 from gash_jax.geometry.mesh import Mesh, MeshError, concatenate, lengths, subdivide_midpoint
-from gash_jax.geometry.topology import build_edges
+from gash_jax.geometry.topology import build_edges, repeated_directions
 from gash_jax.shapes.lattices import lattice_surface
 from gash_jax.shapes.primitives import icosphere, plane, torus, uv_sphere
 from tests.helpers.closed_forms import flat_shaded
@@ -46,7 +46,9 @@ def test_loops_by_hand() -> None:
 )
 def test_a_disk_has_one_loop_no_handle_and_every_face(mesh: Mesh) -> None:
     disk = as_disk(mesh)
-    euler = len(disk.points) - len(build_edges(disk.faces, len(disk.points)).start) + len(disk.faces)
+    edges = build_edges(disk.faces, len(disk.points))
+    assert not repeated_directions(edges).any() and edges.faces_at.max() == 2
+    euler = len(disk.points) - len(edges.start) + len(disk.faces)
     assert euler == 1 and len(boundary_loops(disk.faces)) == 1
     np.testing.assert_array_equal(np.sort(disk.loop), np.sort(boundary_loops(disk.faces)[0]))
     np.testing.assert_allclose(disk.lift @ mesh.vertices, disk.points, atol=1e-6)
