@@ -3,6 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gash_jax.geometry.animation import Animation, Blend
+from gash_jax.geometry.mesh import face_components
+from gash_jax.geometry.topology import build_edges
 from gash_jax.shapes.rigs import Bone, figure_animation, figure_bones, posed_transforms, skin_weights
 
 CHAIN = [
@@ -60,6 +62,13 @@ def test_the_figure(figure: Animation) -> None:
     long = [np.linalg.norm(np.diff(points[edges], axis=1)[:, 0], axis=1) for points in figure.frames()]
     assert np.median(np.abs(long[5] / long[0] - 1)) < 0.05  # most of the body moves nearly rigidly
     assert all(np.isfinite(points).all() for points in figure.frames())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_figure_is_one_closed_surface(seed: int) -> None:
+    mesh = figure_animation(seed, 1, 1500).mesh
+    assert face_components(mesh.faces).max() == 0
+    assert (build_edges(mesh.faces, len(mesh.vertices)).faces_at == 2).all()
 
 
 def test_what_hangs_on_one_bone_moves_rigidly(figure: Animation) -> None:

@@ -4,7 +4,8 @@
 The sheet is a grid. Its constraints keep the distances of neighbours along rows and columns (stiff), along diagonals
 (shear) and of next neighbours (bending, soft). They are solved in groups without a common vertex, each group at once:
 along one direction of the grid every second pair. Gravity, air drag, and a floor under everything; a vertex that gets
-into the ball or the floor is put back on its surface, and what it would slide there is damped.
+into the ball or the floor is put back on its surface, and what it would slide there is damped. The sheet passes
+through itself.
 """
 
 from typing import NamedTuple

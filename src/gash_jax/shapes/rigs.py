@@ -32,14 +32,15 @@ class Bone(NamedTuple):
 
 def figure_bones(rng: np.random.Generator) -> list[Bone]:
     """A standing figure of random proportions, arms held out: 16 bones, each after the one that it hangs from."""
-    girth, width = rng.uniform(0.15, 0.22), rng.uniform(0.2, 0.28)
+    girth = rng.uniform(0.15, 0.22)
     arm, leg = rng.uniform(0.27, 0.36), rng.uniform(0.38, 0.48)
     bones = [Bone("pelvis", -1, np.array([0, -0.15, 0]), np.array([0, 0.1, 0]), girth)]
     bones.append(Bone("chest", 0, np.array([0, 0.1, 0]), np.array([0, 0.45, 0]), girth * rng.uniform(0.95, 1.2)))
     bones.append(Bone("neck", 1, np.array([0, 0.45, 0]), np.array([0, 0.72, 0]), 0.45 * girth))
     bones.append(Bone("head", 2, np.array([0, 0.72, 0]), np.array([0, 0.88, 0.03]), rng.uniform(0.13, 0.19)))
     for side, name in ((1.0, "left"), (-1.0, "right")):
-        shoulder, hip = np.array([side * width, 0.42, 0]), np.array([side * 0.55 * width, -0.2, 0])
+        # within the body, so that the surface is one
+        shoulder, hip = np.array([side * 0.8 * girth, 0.42, 0]), np.array([side * 0.62 * girth, -0.2, 0])
         out, down = np.array([side, -0.25, 0]), np.array([side * 0.08, -1, 0])
         thin, thick, above = 0.42 * girth, 0.55 * girth, 1
         for part, share in (("upper arm", 1.0), ("forearm", 0.9), ("hand", 0.45)):
