@@ -182,6 +182,14 @@ def test_what_does_not_move_or_is_damaged_is_refused(tmp_path: Path) -> None:
         load_animation(_save(tmp_path, file, [{"mesh": 0}], [0]))
 
 
+def test_a_clip_that_holds_no_numbers_is_refused_by_its_frame(tmp_path: Path) -> None:
+    file = Gltf()
+    file.document["meshes"] = [{"primitives": [file.primitive(BALL.vertices, BALL.faces)]}]
+    Clip(file, "lost").move(0, "translation", [0.0, 1.0], [[0, 0, 0], [np.nan, 0, 0]])
+    with pytest.raises(MeshError, match="42 vertices of frame 0 are not finite"):
+        load_animation(_save(tmp_path, file, [{"mesh": 0}], [0]))
+
+
 def test_a_mesh_squeezed_flat_at_rest_is_refused(tmp_path: Path) -> None:
     file = Gltf()
     file.document["meshes"] = [{"primitives": [file.primitive(BALL.vertices, BALL.faces)]}]

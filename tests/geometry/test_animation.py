@@ -59,6 +59,19 @@ def test_blendshapes_are_linear() -> None:
     np.testing.assert_allclose(motion(a), expected, atol=1e-5)
 
 
+def test_the_reach_bounds_every_frame() -> None:
+    rng = np.random.default_rng(2)
+    for shapes, bones in ((3, 0), (0, 2), (3, 2)):
+        motion, rows = _blend(shapes, bones), rng.normal(size=(6, shapes + 12 * bones)).astype(np.float32)
+        largest = np.array([np.abs(motion(row)).max() for row in rows])
+        assert (motion.reach(rows) >= largest).all() and (motion.reach(rows) < 30 * largest).all()
+    rest = np.array([[1.0, -2, 0]], np.float32)
+    motion = Blend(rest, np.array([[[0, 3, 0]]], np.float32), np.ones((1, 1)))
+    row = _row([-2.0], np.concatenate([TURN, [[0.5], [0], [0]]], axis=1))
+    np.testing.assert_allclose(motion.reach(row[None]), [2 + 2 * 3 + 0.5])
+    assert np.isnan(motion.reach(row[None] * np.nan)).all()
+
+
 def test_frames_rows_and_views_of_them() -> None:
     motion = _blend(2, 3)
     weights, matrices = (

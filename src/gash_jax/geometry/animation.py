@@ -42,6 +42,16 @@ class Blend(NamedTuple):
             points = np.einsum("vij,vj->vi", matrices[..., :3], points) + matrices[..., 3]
         return points.astype(np.float32)
 
+    def reach(self, rows: Float[np.ndarray, "t p"]) -> Float[np.ndarray, "t"]:
+        """A bound of all coordinates in each frame, without making it."""
+        shapes, bones = len(self.deltas), self.weights.shape[1]
+        wide = np.abs(rows.astype(np.float64))
+        bound = np.abs(self.rest).max() + wide[:, :shapes] @ np.abs(self.deltas).max(axis=(1, 2), initial=0)
+        if not bones:
+            return bound
+        matrices = wide[:, shapes:].reshape(len(rows), bones, 3, 4)
+        return (matrices[..., :3].sum(axis=-1) * bound[:, None, None] + matrices[..., 3]).max(axis=(1, 2))
+
 
 class Recorded(NamedTuple):
     """Frames as they are (module docstring)."""
