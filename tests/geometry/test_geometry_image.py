@@ -136,3 +136,13 @@ def test_vmap_is_a_loop(bumpy: tuple[Mesh, GeometryImage]) -> None:
 def test_sizes_are_checked(size: object) -> None:
     with pytest.raises(ValueError, match="size is .*: use a whole number from 2 to 4096"):
         geometry_image(parameterise(plane(1.0, 3)), size)  # type: ignore[arg-type]
+
+
+def test_shapes_are_checked(bumpy: tuple[Mesh, GeometryImage]) -> None:
+    mesh, image = bumpy
+    for wrong in (mesh.vertices[:, 0], mesh.vertices[1:], mesh.vertices[None]):
+        with pytest.raises(ValueError, match=f"give \\({len(mesh.vertices)}, c\\), a row for each vertex"):
+            image.to_image(wrong)
+    for wrong in (np.zeros((24, 24)), np.zeros((23, 24, 3)), np.zeros((1, 24, 24, 3))):
+        with pytest.raises(ValueError, match="give \\(24, 24, c\\)"):
+            image.from_image(wrong)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry import parameterisation as p
-from gash_jax.geometry.disks import as_disk
+from gash_jax.geometry.disks import Disk, as_disk
 from gash_jax.geometry.mesh import Mesh, MeshError, transform
 from gash_jax.geometry.stretch import signed_areas, total_stretch
 from gash_jax.shapes.primitives import bumpy_sphere, plane, torus
@@ -88,6 +88,33 @@ def test_the_border_goes_by_length() -> None:
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(ring[: end + 1], axis=0), axis=1))])
     np.testing.assert_allclose(uv[: end + 1, 0], along / along[-1], atol=1e-12)
     assert (uv[: end + 1, 1] == 0).all() and abs(end - len(ring) / 4) <= 1
+
+
+@pytest.mark.parametrize("long", range(5))
+def test_corners_stay_apart_where_vertices_crowd(long: int) -> None:
+    """A pentagon with four corners close together: the nearest vertices to the quarters of its loop coincide."""
+    angle = np.concatenate([np.linspace(0, 0.1, 4), [np.pi]])
+    ring = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1)[np.roll(np.arange(5), long)]
+    points = np.append(ring, [[0.4, 0.1, 0]], axis=0).astype(np.float32)
+    faces = np.array([[i, (i + 1) % 5, 5] for i in range(5)], np.int32)
+    disk = as_disk(Mesh(points, np.zeros_like(points), faces))
+    border = p.border_positions(disk)
+    turned = np.roll(border, -int(np.flatnonzero((border == 0).all(axis=1))[0]), axis=0)
+    corners = turned[np.isin(turned, [0, 1]).all(axis=1)]
+    np.testing.assert_array_equal(corners, [[0, 0], [1, 0], [1, 1], [0, 1]])
+    assert len(np.unique(border, axis=0)) == 5
+
+
+def test_a_seam_that_cannot_be_mapped_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, plain = _finger(), p._less_stretched
+
+    def fails(disk: Disk, seams: int) -> tuple[p.SquareMap, float]:
+        if seams:
+            raise MeshError("faces of the mesh vanish")
+        return plain(disk, seams)
+
+    monkeypatch.setattr(p, "_less_stretched", fails)
+    assert p.parameterise(mesh).seams == 0
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -35,14 +35,19 @@ class GeometryImage(NamedTuple):
     bilinear: Float[np.ndarray, "v 4"]  # float32; 0 for a vertex without a face
 
     def to_image(self, values: Any) -> Any:
-        """Values of all vertices, (v, c), as an image (n, n, c)."""
+        """Values of all vertices, (v, c), as an image (n, n, c). Raises ValueError for another shape."""
+        if values.ndim != 2 or len(values) != len(self.texels):
+            raise ValueError(f"values have shape {values.shape}: give ({len(self.texels)}, c), a row for each vertex")
         xp = _numpy_of(values)
         means = (xp.asarray(self.shares)[..., None] * values[self.members]).sum(axis=1)
         every = xp.concatenate([values, means])
         return sum(xp.asarray(self.barycentric[..., i, None]) * every[self.corners[..., i]] for i in range(3))
 
     def from_image(self, image: Any) -> Any:
-        """Values of all vertices, (v, c), from an image (n, n, c)."""
+        """Values of all vertices, (v, c), from an image (n, n, c). Raises ValueError for another shape."""
+        size = len(self.face)
+        if image.ndim != 3 or image.shape[:2] != (size, size):
+            raise ValueError(f"the image has shape {image.shape}: give ({size}, {size}, c)")
         flat = image.reshape(-1, image.shape[-1])
         return (_numpy_of(image).asarray(self.bilinear)[..., None] * flat[self.texels]).sum(axis=1)
 

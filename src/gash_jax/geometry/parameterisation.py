@@ -74,7 +74,10 @@ def parameterise(mesh: Mesh, method: Method = "stretch", boundary: int | None = 
     best, least = _less_stretched(disk, 0)
     for seams in range(1, MOST_SEAMS + 1):
         disk = with_seam(disk, _most_stretched(best))
-        trial, stretch = _less_stretched(disk, seams)
+        try:
+            trial, stretch = _less_stretched(disk, seams)
+        except MeshError:  # with that seam faces would vanish
+            break
         if stretch > (1 - SEAM_GAIN) * least:
             break
         best, least = trial, stretch
