@@ -20,6 +20,7 @@ def documents() -> dict[str, str]:
 GENERATED = (
     "README.md",
     "CONTRIBUTING.md",
+    "docs/animation.md",
     "docs/api.md",
     "docs/baking.md",
     "docs/hard_cases.md",

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
+    from gash_jax.formats.animations import load_animation
     from gash_jax.formats.hdr import write_hdr
     from gash_jax.formats.meshes import load_mesh, read_mesh, save_mesh
+    from gash_jax.geometry.animation import Animation
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
@@ -45,8 +47,10 @@ _HOMES = {
     "algebra.closed_forms": ("unshadowed_transfer",),
     "apps.pictures.render": ("render",),
     "apps.pictures.show": ("show",),
+    "geometry.animation": ("Animation",),
     "geometry.health": ("HealthReport",),
     "geometry.mesh": ("Mesh", "MeshError"),
+    "formats.animations": ("load_animation",),
     "formats.hdr": ("write_hdr",),
     "formats.meshes": ("load_mesh", "read_mesh", "save_mesh"),
     "files.atomic": ("FileError",),
@@ -71,6 +75,7 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "Animation",
     "ConfigError",
     "FileError",
     "HealthReport",
@@ -89,6 +94,7 @@ __all__ = [
     "ggx",
     "glossy_matrices",
     "keep_compiled_programs",
+    "load_animation",
     "load_config",
     "load_light",
     "load_mesh",

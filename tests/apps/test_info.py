@@ -16,6 +16,7 @@ from gash_jax.models.model import save_model, shipped_models
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.config import DataConfig, load_config
 from gash_jax.train.corpus import build_item
+from tests.helpers.shared_data import shared_file
 
 SWEEP = """
 name = "widths"
@@ -100,6 +101,23 @@ def test_folders(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     rows = [{"id": "x", "skill": 0.2}, {"id": "y", "skill": 0.5}]
     (sweep / "results.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows[:2]))
     assert told(capsys, sweep) == {"kind": "sweep", "finished": 2, "started": 2, "best": rows[1]}
+
+
+def test_animations(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    mesh = bumpy_sphere(3)
+    still = np.tile(np.eye(3, 4), (4, 1, 1, 1))
+    rig = {"rest": mesh.vertices, "weights": np.full((len(mesh.vertices), 1), 2.0), "transforms": still}
+    np.savez(tmp_path / "rig.npz", **rig, faces=mesh.faces, times=np.arange(4) / 2)
+    values = told(capsys, tmp_path / "rig.npz")
+    assert values["kind"] == "animation" and values["frames"] == 4 and values["seconds"] == [0.0, 1.5]
+    assert (values["bones"], values["shapes"], values["names"], values["clips"]) == (1, 0, ["bone 0"], [])
+    assert values["vertices"] == len(mesh.vertices) and "divided by their sum" in values["notes"][0]
+    np.savez(tmp_path / "bad.npz", verts=np.full((2, 3, 3), np.nan), faces=np.array([[0, 1, 2]]))
+    with pytest.raises(ValueError, match="not finite"):
+        told(capsys, tmp_path / "bad.npz")
+    walk = told(capsys, shared_file("animated/CesiumMan.glb"))
+    assert walk["kind"] == "animation" and walk["bones"] == 19 and walk["health"]["parts"] == 138
+    assert len(walk["clips"]) == 1
 
 
 def test_what_is_no_such_file(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import check_arrays, read_npz, write_npz
+from gash_jax.files.npz import array_names, check_arrays, open_npz, read_npz, write_npz
 
 ARRAYS = {"a": np.arange(12, dtype=np.float32).reshape(4, 3), "faces": np.zeros((5, 3), np.int32)}
 SHAPES = {"a": ("v", 3), "faces": ("f", 3), "error": ("v", "k")}
@@ -150,3 +150,32 @@ def test_arrays_that_do_not_fit_are_refused(changes: dict, words: str) -> None:
     with pytest.raises(FileError, match=words) as error:
         _check(**changes)
     assert "\n" not in str(error.value) and "a.npz" in str(error.value)
+
+
+def test_files_of_other_programs_are_opened_without_metadata(tmp_path: Path) -> None:
+    large = np.arange(1 << 19, dtype=np.float32).reshape(2, -1)
+    arrays = {"small": np.arange(3), "large": large, "columns": np.asfortranarray(large), "none": np.zeros((0, 3))}
+    np.savez(tmp_path / "plain.npz", **arrays)
+    np.savez_compressed(tmp_path / "packed.npz", **arrays)
+    for name, mapped in (("plain.npz", True), ("packed.npz", False)):
+        assert array_names(tmp_path / name) == list(arrays)
+        opened = open_npz(tmp_path / name, "test")
+        for key, array in arrays.items():
+            np.testing.assert_array_equal(opened[key], array)
+        assert isinstance(opened["large"], np.memmap) == isinstance(opened["columns"], np.memmap) == mapped
+        assert not isinstance(opened["small"], np.memmap)
+
+
+def test_what_cannot_be_opened_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.npz").write_bytes(b"PK no archive")
+    np.savez(tmp_path / "objects.npz", large=np.full(1 << 18, "x", dtype=object))
+    for name, message in (
+        ("bad.npz", "is not a readable npz file"),
+        ("absent.npz", "no such file"),
+        ("", "is a folder"),
+    ):
+        for read in (array_names, lambda path: open_npz(path, "test")):
+            with pytest.raises(FileError, match=message):
+                read(tmp_path / name)
+    with pytest.raises(FileError, match="is not a readable npz file"):
+        open_npz(tmp_path / "objects.npz", "test")

@@ -1,11 +1,12 @@
 """npz files that are whole or absent, with a JSON `metadata` string beside the arrays; no pickle anywhere."""
 
 import json
+import struct
 import zipfile
 import zlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from gash_jax.files.atomic import FileError, as_path, whole_file
 # what numpy and zipfile raise on damaged archives: RuntimeError for flags that say encrypted or a later version
 _DAMAGED = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, LookupError, RuntimeError, MemoryError)
 _DAMAGED += (TypeError, AttributeError, SyntaxError)
+_UNREADABLE = "is not a readable npz file: truncated or another format; write it again"
+_LARGE = 1 << 20  # bytes from which on an array is worth a view
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
@@ -35,17 +38,13 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
     Raises FileError where the file is missing, no such archive, damaged, or lacks one of the `required` arrays; whether
     its arrays fit together is for `check_arrays`.
     """
-    path = as_path(path)
-    if not path.exists():
-        raise FileError(f"no such file: {path}")
-    if path.is_dir():
-        raise FileError(f"{path} is a folder, not a {kind} file (.npz)")
+    path = _existing(path, kind)
     try:
         # numpy leaves the file open when it fails on a path, so it is given the open file
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except _DAMAGED:
-        raise FileError(f"{path} is not a readable npz file: truncated or another format; write it again") from None
+        raise FileError(f"{path} {_UNREADABLE}") from None
     missing = [name for name in (*required, "metadata") if name not in arrays]
     if missing:
         raise FileError(f"{path} is not a {kind} file: it has no array {missing[0]!r}")
@@ -56,6 +55,55 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
     if not isinstance(metadata, dict):
         raise FileError(f"{path} is not a {kind} file: its metadata is not a JSON object") from None
     return arrays, metadata
+
+
+def array_names(path: str | Path) -> list[str]:
+    """Names of the arrays in an npz file. Raises FileError where it is missing or no such archive."""
+    path = _existing(path, "npz")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return [entry.removesuffix(".npy") for entry in archive.namelist()]
+    except _DAMAGED:
+        raise FileError(f"{path} {_UNREADABLE}") from None
+
+
+def open_npz(path: str | Path, kind: str) -> dict[str, np.ndarray]:
+    """The arrays of an npz file that any program wrote; large ones that it holds uncompressed stay in it until used.
+
+    Raises FileError where the file is missing, no such archive or damaged; `kind` is for that message.
+    """
+    path = _existing(path, kind)
+    try:
+        with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
+            return {entry.filename.removesuffix(".npy"): _member(file, archive, entry) for entry in archive.infolist()}
+    except _DAMAGED:
+        raise FileError(f"{path} {_UNREADABLE}") from None
+
+
+def _member(file: BinaryIO, archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
+    """An array of an archive: a view of the file where it is large and not compressed."""
+    with archive.open(entry) as data:
+        if entry.compress_type != zipfile.ZIP_STORED or entry.file_size < _LARGE:
+            return np.lib.format.read_array(data, allow_pickle=False)
+        version = np.lib.format.read_magic(data)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, dtype = read(data)
+        if dtype.hasobject:
+            raise ValueError("an array of objects")
+        header = data.tell()
+    file.seek(entry.header_offset + 26)  # of the entry's own header, where the lengths of its two last fields stand
+    name, extra = struct.unpack("<HH", file.read(4))
+    offset = entry.header_offset + 30 + name + extra + header
+    return np.memmap(file, dtype, "r", offset, shape, "F" if fortran else "C")
+
+
+def _existing(path: str | Path, kind: str) -> Path:
+    path = as_path(path)
+    if not path.exists():
+        raise FileError(f"no such file: {path}")
+    if path.is_dir():
+        raise FileError(f"{path} is a folder, not a {kind} file (.npz)")
+    return path
 
 
 def check_arrays(

@@ -22,7 +22,7 @@ MOST_VERTICES = 1 << 26
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-class _Piece(NamedTuple):
+class Piece(NamedTuple):
     """The triangles of a primitive, in its own numbers."""
 
     points: Float[np.ndarray, "v 3"]
@@ -36,7 +36,7 @@ class _Piece(NamedTuple):
 def read_gltf(data: bytes, folder: Path) -> RawMesh:
     """The scene of a .glb or .gltf file; `folder` is where buffers of a .gltf are looked for. Raises MeshError."""
     document = open_document(data, folder)
-    places = _places(document)
+    places = scene_places(document)
     none = np.zeros((0, 3))
     scene, skipped, morphed, colored = [(none, none.astype(np.int64), none, none)], 0, False, False
     count = 0
@@ -46,13 +46,13 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
             continue
         mesh = document.json["meshes"][node["mesh"]]
         weights = [float(weight) for weight in node.get("weights", mesh.get("weights", ()))]
-        found = [_piece(document, primitive, weights) for primitive in mesh["primitives"]]
+        found = [read_piece(document, primitive, weights) for primitive in mesh["primitives"]]
         pieces = [piece for piece in found if piece is not None]
         skipped += len(found) - len(pieces)
         morphed |= any(piece.morphed for piece in pieces)
         colored |= any(piece.colored for piece in pieces)
         if pieces:
-            scene.append(_placed(pieces, _node_places(document, node, place, places), count))
+            scene.append(_placed(pieces, mesh_places(document, node, place, places), count))
             count += len(scene[-1][0])
     notes = document.notes
     if skipped:
@@ -64,7 +64,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
 
 
 def _placed(
-    pieces: list[_Piece], places: Float[np.ndarray, "n 4 4"], count: int
+    pieces: list[Piece], places: Float[np.ndarray, "n 4 4"], count: int
 ) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
     """Vertices, faces, normals and colours of all pieces once for each place; vertices are numbered from `count`."""
     own = sum(len(piece.points) for piece in pieces)
@@ -83,7 +83,7 @@ def _placed(
     return vertices, faces, normals, np.tile(np.concatenate([p.colors for p in pieces]), (len(places), 1))
 
 
-def _node_places(
+def mesh_places(
     document: Document, node: dict[str, Any], place: Float[np.ndarray, "4 4"], places: dict[int, np.ndarray]
 ) -> Float[np.ndarray, "n 4 4"]:
     """Where the mesh of a node stands: at `place`, at its instances in it, or where its skin puts it."""
@@ -91,7 +91,7 @@ def _node_places(
     if "skin" in node:
         if attributes:
             raise MeshError("a skinned mesh with instances has no bind pose in the glTF scene: export it without")
-        return _skin_place(document, node["skin"], places)[None]
+        return skin_place(document, node["skin"], places)[None]
     if not attributes:
         return place[None]
     values = {name: document.values(index).astype(np.float64) for name, index in attributes.items()}
@@ -110,7 +110,7 @@ def _node_places(
     return place @ matrices
 
 
-def _piece(document: Document, primitive: dict[str, Any], weights: list[float]) -> _Piece | None:
+def read_piece(document: Document, primitive: dict[str, Any], weights: list[float]) -> Piece | None:
     """A primitive with its morph targets applied; None for points and lines."""
     attributes = primitive["attributes"]
     if not document.has_data(attributes["POSITION"]):
@@ -134,10 +134,10 @@ def _piece(document: Document, primitive: dict[str, Any], weights: list[float]) 
     colors = document.values(attributes["COLOR_0"])[:, :3].astype(np.float64) if colored else np.ones_like(points)
     if points.shape != normals.shape or points.shape != colors.shape or points.shape[1] != 3:
         raise MeshError("positions, normals, colours and targets of a glTF primitive do not fit: the file is damaged")
-    return _Piece(points, normals, triangles, colors, colored, bool(active))
+    return Piece(points, normals, triangles, colors, colored, bool(active))
 
 
-def _places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:
+def scene_places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:
     """Matrix of each node of the scene, in depth-first order."""
     nodes = document.json.get("nodes", [])
     if document.json.get("scenes"):
@@ -150,12 +150,13 @@ def _places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:
         index, above = stack.pop()
         if index in places:
             raise MeshError("a node of the glTF scene has two parents: the file is damaged, export it again")
-        places[index] = above @ _local(nodes[index])
+        places[index] = above @ local_matrix(nodes[index])
         stack += [(child, places[index]) for child in reversed(nodes[index].get("children", ()))]
     return places
 
 
-def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+def local_matrix(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+    """Place of a node in the one above it."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
@@ -167,7 +168,7 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     return matrix
 
 
-def _skin_place(document: Document, index: int, places: dict[int, np.ndarray]) -> Float[np.ndarray, "4 4"]:
+def skin_place(document: Document, index: int, places: dict[int, np.ndarray]) -> Float[np.ndarray, "4 4"]:
     """What the root joint of a skin does to the stored positions when the skeleton is at rest."""
     skin = document.json["skins"][index]
     joints = [joint for joint in skin["joints"] if joint in places]

@@ -1,4 +1,4 @@
-"""`gash info`: what a file or folder holds; a mesh's health, a map's range, what the project's own files say.
+"""`gash info`: what a file or folder holds; a mesh's health, an animation's frames, a map's range, what own files say.
 
 Readers are imported when a file of their kind comes: some wait for JAX.
 """
@@ -14,6 +14,8 @@ from gash_jax.apps.options import PATH, Command, json_option
 from gash_jax.apps.printing import number
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz
+from gash_jax.formats.animations import GLTF, animation_form, load_animation
+from gash_jax.formats.gltf_animation import clip_names, moves
 from gash_jax.formats.maps import SUFFIXES, read_map
 from gash_jax.formats.meshes import READERS, read_mesh
 from gash_jax.formats.others import OTHERS
@@ -27,7 +29,7 @@ RESULTS, RUN = "results.jsonl", "config.json"
 @click.argument("file", type=PATH)
 @json_option
 def info(file: Path, as_json: bool) -> None:
-    """Say what FILE holds: a mesh with its health, a map, a config, a file or folder that gash wrote."""
+    """Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash wrote."""
     values = _describe(file)
     click.echo(json.dumps(values) if as_json else "\n".join(_lines(values)))
 
@@ -45,7 +47,7 @@ def _describe(path: Path) -> dict[str, Any]:
     if suffix in CONFIGS:
         return _config(path)
     if suffix in READERS or suffix in OTHERS:
-        return _mesh(path)
+        return _mesh(path) | (_animation(path) if suffix in GLTF and moves(path) else {})
     known = " ".join([*READERS, *OTHERS, *SUFFIXES, ".npz", *CONFIGS])
     raise FileError(f"{path}: not a kind of file that gash knows; known are {known}, folders of runs and of sweeps")
 
@@ -53,6 +55,19 @@ def _describe(path: Path) -> dict[str, Any]:
 def _mesh(path: Path) -> dict[str, Any]:
     mesh, health = read_mesh(path)
     return {"kind": "mesh", "vertices": len(mesh.vertices), "faces": len(mesh.faces), "health": health.to_dict()}
+
+
+def _animation(path: Path) -> dict[str, Any]:
+    """Frames of an animation and what moves in them; every frame is checked."""
+    animation = load_animation(path)
+    mesh, seconds = animation.mesh, animation.seconds
+    return {
+        **{"kind": "animation", "frames": len(animation), "vertices": len(mesh.vertices), "faces": len(mesh.faces)},
+        **{"shapes": animation.shape_weights.shape[1], "bones": animation.transforms.shape[1]},
+        **{"names": list(animation.names), "clips": clip_names(path) if path.suffix.lower() in GLTF else []},
+        "seconds": None if seconds is None or not len(seconds) else [float(seconds[0]), float(seconds[-1])],
+        "notes": list(animation.notes),
+    }
 
 
 def _map(path: Path) -> dict[str, Any]:
@@ -82,6 +97,8 @@ def _archive(path: Path) -> dict[str, Any]:
 
     Files that a command reads are read as it would: what does not fit together is refused.
     """
+    if animation_form(path):
+        return _animation(path)
     arrays, metadata = read_npz(path, "gash_jax", ())
     kind = str(metadata.get("format", "")).removeprefix("gash-") or _cached_kind(arrays, metadata)
     if not kind:
