@@ -21,7 +21,8 @@ COMMANDS = {
     "demo": "Bake a mesh, predict it, relight it: a table of speed against error, and a picture.",
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
     "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
-    "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash wrote.",
+    "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "
+    "wrote.",
     "light": "Project an environment map (.hdr, .exr) to spherical harmonics.",
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",
     "predict": "Predict the transfer of MESH with a network: no rays.",
