@@ -26,6 +26,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from benchmarks.options import options, saved
 from gash_jax.geometry.mesh import Mesh
@@ -115,6 +116,9 @@ def draw(rows: list[dict], path: Path) -> None:
         axis.loglog(
             [r["seconds"] for r in own], [r["relrmse"] for r in own], marker="o", ms=4, label=f"{bounce} bounces"
         )
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xlabel("seconds, 1025 vertices, 16 to 1024 rays")
     axis.set_ylabel("relative RMS error")
     axis.grid(True, which="both", lw=0.3, alpha=0.6)
