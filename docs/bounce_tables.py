@@ -3,16 +3,14 @@
 from typing import Any
 
 from docs.baking_tables import origin
+from docs.local_tables import table
 
 
 def cavity_table(result: dict[str, Any]) -> str:
     """Light in cavities with 0, 1 and 4 bounces beside the closed form, and how honest the error bars are."""
     shown = (0, 1, 4, 8)
-    head = " | ".join(f"{n} bounce{'s' * (n != 1)}: baked, closed form" for n in shown)
-    lines = [
-        f"| opening, half-angle | {head} | mean of the seeds | z | in 95 % |",
-        f"|--:|{'--:|' * len(shown)}--:|--:|--:|",
-    ]
+    header = ["opening, half-angle", *(f"{n} bounce{'s' * (n != 1)}: baked, closed form" for n in shown)]
+    rows = []
     for degrees in sorted({row["degrees"] for row in result["rows"]}):
         own = [row for row in result["rows"] if row["degrees"] == degrees]
         pairs = [
@@ -23,21 +21,27 @@ def cavity_table(result: dict[str, Any]) -> str:
         spans = [(min(row[name] for row in own), max(row[name] for row in own)) for name in ("z", "covered")]
         z, covered = f"{spans[0][0]:.2f} to {spans[0][1]:.2f}", f"{spans[1][0]:.1%} to {spans[1][1]:.1%}"
         worst = max(row["mean"] for row in own)
-        lines.append(f"| {degrees}° | {' | '.join(pairs)} | {worst:.2%} | {z} | {covered} |")
+        rows.append([f"{degrees}°", *pairs, f"{worst:.2%}", z, covered])
     sizes = f"{result['vertices']} vertices, {result['rays']} rays, {result['seeds']} seeds"
-    return "\n".join([*lines, "", f"{sizes}; {origin(result)}, seed {result['seed']}."])
+    found = table([*header, "mean of the seeds", "z", "in 95 %"], rows)
+    return f"{found}\n\n{sizes}; {origin(result)}, seed {result['seed']}."
 
 
 def bounce_speed_table(result: dict[str, Any]) -> str:
     """What bounces add to the direct bake of the same rays, and the memory of a large bake."""
-    lines = [
-        "| mesh, vertices | direct, CPU s | one bounce, all | each further | one in colour, all | each further |",
-        "|---|--:|--:|--:|--:|--:|",
+    header = [
+        "mesh, vertices",
+        "direct, CPU s",
+        "one bounce, all",
+        "each further",
+        "one in colour, all",
+        "each further",
     ]
+    rows = []
     for row in result["rows"]:
         ratios = [f"{row[name]:.2f} x" for name in ("first", "further", "first_colour", "further_colour")]
-        lines.append(f"| {row['mesh']}, {row['vertices']} | {row['direct_s']:.2f} | {' | '.join(ratios)} |")
+        rows.append([f"{row['mesh']}, {row['vertices']}", f"{row['direct_s']:.2f}", *ratios])
     large = [f"{name} {one['gib']:.2f} GiB in {one['seconds']:.0f} s" for name, one in result["large"].items()]
     vertices = result["large"]["grey"]["vertices"]
     memory = f"Peak memory of {vertices} vertices, {result['rays']} rays, 3 bounces: {', '.join(large)}."
-    return "\n".join([*lines, "", f"{memory} {origin(result)}."])
+    return f"{table(header, rows)}\n\n{memory} {origin(result)}."

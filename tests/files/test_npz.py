@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import array_names, check_arrays, open_npz, read_npz, write_npz
+from gash_jax.files.npz import check_arrays, names_in_npz, open_npz, read_npz, write_npz
 
 ARRAYS = {"a": np.arange(12, dtype=np.float32).reshape(4, 3), "faces": np.zeros((5, 3), np.int32)}
 SHAPES = {"a": ("v", 3), "faces": ("f", 3), "error": ("v", "k")}
@@ -158,7 +158,7 @@ def test_files_of_other_programs_are_opened_without_metadata(tmp_path: Path) -> 
     np.savez(tmp_path / "plain.npz", **arrays)
     np.savez_compressed(tmp_path / "packed.npz", **arrays)
     for name, mapped in (("plain.npz", True), ("packed.npz", False)):
-        assert array_names(tmp_path / name) == list(arrays)
+        assert names_in_npz(tmp_path / name) == list(arrays)
         opened = open_npz(tmp_path / name, "test")
         for key, array in arrays.items():
             np.testing.assert_array_equal(opened[key], array)
@@ -174,7 +174,7 @@ def test_what_cannot_be_opened_is_refused(tmp_path: Path) -> None:
         ("absent.npz", "no such file"),
         ("", "is a folder"),
     ):
-        for read in (array_names, lambda path: open_npz(path, "test")):
+        for read in (names_in_npz, lambda path: open_npz(path, "test")):
             with pytest.raises(FileError, match=message):
                 read(tmp_path / name)
     with pytest.raises(FileError, match="is not a readable npz file"):

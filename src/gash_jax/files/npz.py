@@ -57,7 +57,7 @@ def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[di
     return arrays, metadata
 
 
-def array_names(path: str | Path) -> list[str]:
+def names_in_npz(path: str | Path) -> list[str]:
     """Names of the arrays in an npz file. Raises FileError where it is missing or no such archive."""
     path = _existing(path, "npz")
     try:

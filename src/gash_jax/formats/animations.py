@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from gash_jax.algebra.arguments import shown
 from gash_jax.files.atomic import FileError, as_path
-from gash_jax.files.npz import array_names, open_npz
+from gash_jax.files.npz import names_in_npz, open_npz
 from gash_jax.formats.gltf_animation import read_gltf_animation
 from gash_jax.formats.mesh_files import READERS
 from gash_jax.formats.meshes import TO_Y_UP, read_mesh
@@ -42,12 +42,12 @@ def animation_form(path: str | os.PathLike[str]) -> str | None:
     path = as_path(path)
     if path.suffix.lower() != ".npz":
         return None
-    names = array_names(path)
+    names = names_in_npz(path)
     return next((form for form, wanted in FORMS.items() if set(wanted) <= set(names)), None)
 
 
 def load_animation(path: str | os.PathLike[str], up: str = "y", clip: str | None = None) -> Animation:
-    """The animation in an .npz, .glb or .gltf file (module docstring); `up` is the axis that points up in it.
+    """The animation in an .npz, .glb or .gltf file (docs/animation.md); `up` is the axis that points up in it.
 
     Of a glTF file `clip` names the one to take, None the first; its frames are at the clip's own keys. Every frame is
     checked. Raises FileError and MeshError, one line that says what to do.
@@ -82,7 +82,7 @@ def _read_npz(path: Path) -> Animation:
     form = animation_form(path)
     if form is None:
         wanted = "; ".join(f"{name}: {', '.join(arrays)}" for name, arrays in FORMS.items())
-        raise FileError(f"{path} is no animation: its arrays are {', '.join(array_names(path))}, known are {wanted}")
+        raise FileError(f"{path} is no animation: its arrays are {', '.join(names_in_npz(path))}, known are {wanted}")
     arrays = open_npz(path, "animation")
     known = (*FORMS[form], *_EXTRA[form], "times")
     unknown = sorted(set(arrays) - {*known, "metadata"})

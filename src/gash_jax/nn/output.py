@@ -12,7 +12,7 @@ the network says what is to be added to the transfer without shadows. The loss s
 rotation changes no mean square error.
 
 The last layer of these networks starts at 0. From random weights it says numbers ten times as large as a transfer, and
-half a budget of 200 steps goes into unlearning them.
+a budget of 200 steps goes into unlearning them.
 """
 
 import math

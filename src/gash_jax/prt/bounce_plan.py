@@ -17,11 +17,10 @@ from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.bake import choose_replicates
 from gash_jax.prt.bounces import MOST_BOUNCES, MOST_KEPT, Exchange, checked_albedo
 from gash_jax.prt.integrands import direct
+from gash_jax.prt.plan import SAMPLE, transfer_bytes
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.tracing import active_rows
 from gash_jax.prt.visibility import ray_query
-
-SAMPLE = 2000
 
 
 class BouncePlan(NamedTuple):
@@ -87,6 +86,6 @@ def plan_bounces(
         reflected_rays=hits / (rays * len(chosen)) if total else 0.0,
         seconds=build + laps[0] + laps[2] * factor * (1 + again * bounces) + laps[3] * factor * bounces,
         memory=arrays + min(needed, MOST_KEPT),
-        bytes=4 * (len(mesh.vertices) * (2 * bands**2 * colours + 6) + 3 * len(mesh.faces)),
+        bytes=transfer_bytes(mesh, bands, colours=colours),
         sampled_vertices=len(chosen),
     )

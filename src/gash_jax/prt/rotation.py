@@ -35,8 +35,8 @@ def rotate_transfer(transfer: TransferLike, rotation: ArrayLike | Array) -> Tran
     """The transfer of the mesh turned by a rotation R about the origin: as baked there, but for rounding.
 
     `rotation` is as for `rotate_light`; turning both leaves the radiance as it is. Turned are coefficients, vertices,
-    normals, `visibility` and `matrices` where there are any; standard errors as if those of a band were uncorrelated
-    (module docstring), so that the rms error of each band stays. `metadata["rotation"]` is the matrix that leads from
+    normals, `visibility` and `matrices` where there are any; standard errors as if those of a band were
+    uncorrelated, so that the rms error of each band stays. `metadata["rotation"]` is the matrix that leads from
     the baked mesh to this one. An array for an array; works under jit, vmap and grad. Raises ValueError for what is no
     proper rotation.
 

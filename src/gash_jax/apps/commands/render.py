@@ -59,11 +59,13 @@ def render(
     for note in light.metadata.get("notes", []):
         say(f"  {note}", quiet)
     light = light if turn is None else rotate_light(light, turn)
+    diffuse = np.asarray(shade(lit, light)) if lobe is None else None  # the same for every view
     images = []
     with progress_bar("rendering", quiet) as update:
         for step, view in enumerate(views):
-            toward = None if lobe is None else toward_camera(lit.mesh, view)
-            radiance = np.asarray(shade(lit, light, view=toward, lobe=lobe))
+            radiance = diffuse
+            if radiance is None:
+                radiance = np.asarray(shade(lit, light, view=toward_camera(lit.mesh, view), lobe=lobe))
             images.append(shade_view(cast_view(lit.mesh, view, size), radiance))
             update(step + 1, len(views))
     exposure = exposure_for(images)
