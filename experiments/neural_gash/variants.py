@@ -1,64 +1,74 @@
-"""The runs that are compared: every variant, 5 minutes of CPU time on the same 64 shapes; two of them also for long.
+"""The runs that are compared: every variant in every reading, 5 minutes of CPU time on the same 64 shapes; two for long.
 
-The first ones are the frame "mixed" without residual. The same networks in the two frames that can be read into the GNN
-paper (`nn.output`), with and without residual, are in folders that say so: "teacher-vertex", "teacher-world-residual".
+The paper leaves open in which frame its visibilities and coefficients are (`nn.output`, docs/choices.md). A reading is a
+frame, with or without residual. The tables show all variants in one, READING, which is also that of the long runs and
+of the weights that ship; the others stand beside it by their skills.
 """
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from gash_jax.train.config import RunConfig, load_config
 
 BUDGET = ["train.seconds=300", "train.clock=cpu", "train.checkpoint_every=100"]
 SUBSET = ["data.shapes=64", "train.batch_vertices=10752", *BUDGET]
 # strategy (i) of the paper is a deeper network *and* more data
-ENRICHED = ["data.shapes=432"]
+ENRICHED = {"mlp-deep": ["data.shapes=432"]}
 # the teacher comes before its students
 SHORT = ("mlp", "mlp-deep", "gnn", "teacher", "student-mlp", "student-gnn", "two-stage")
 LONG = {"mlp": 900, "two-stage": 5400}
-READINGS = tuple((frame, residual) for frame in ("vertex", "world") for residual in (False, True))
-# no visibility goes in, nor comes from a teacher: in the world's frame they are what they are in the mixed one
-BLIND = ("mlp", "mlp-deep", "gnn")
+READING = ("vertex", False)
+READINGS = (READING, ("vertex", True), ("world", False), ("world", True), ("mixed", False))
+# what the reading "mixed" differs for from "world": the others know no visibility
+TOLD = ("teacher", "two-stage")
 
 
-def folder_of(runs: Path, name: str, long: bool) -> Path:
-    """Where a run lives."""
-    return runs / (f"{name}-long" if long else name)
+class Run(NamedTuple):
+    """A variant (the name of the config that ships), its reading, and whether it has the long budget."""
+
+    variant: str
+    frame: str
+    residual: bool
+    long: bool = False
+
+    @property
+    def name(self) -> str:
+        """What its folder is called."""
+        return f"{self.variant}-{self.frame}{'-residual' * self.residual}{'-long' * self.long}"
+
+    @property
+    def shown(self) -> bool:
+        """Whether the tables show all of it, times included."""
+        return (self.frame, self.residual) == READING
+
+    def config(self, runs: Path) -> RunConfig:
+        """What `gash train` is told; `runs` holds the folder of the teacher."""
+        changes = [f"name={self.name}", f"model.frame={self.frame}", f"model.residual={str(self.residual).lower()}"]
+        if self.variant.startswith("student"):
+            teacher = self._replace(variant="teacher").name
+            changes.append(f"train.teacher={runs / teacher / 'model.npz'}")
+        if self.long:
+            return load_config(self.variant, [*changes, f"train.seconds={LONG[self.variant]}", "train.clock=cpu"])
+        return load_config(self.variant, [*SUBSET, *ENRICHED.get(self.variant, []), *changes])
 
 
-def reading_name(name: str, frame: str, residual: bool) -> str:
-    """What a variant in a frame is called, with or without residual; without a new name where nothing differs."""
-    if frame == "world" and not residual and name in BLIND:
-        return name
-    return f"{name}-{frame}{'-residual' if residual else ''}"
+def _compared(variant: str, frame: str, residual: bool) -> bool:
+    """Whether a variant is trained in a reading: each where it differs, the deeper MLP for its strategy's sake once."""
+    if variant in ENRICHED:
+        return (frame, residual) == READING
+    return frame != "mixed" or variant in TOLD
 
 
-def reading_names() -> list[str]:
-    """All runs in the frames that can be read into the paper, one frame after the other, teachers before students."""
-    names = (reading_name(name, *reading) for reading in READINGS for name in SHORT)
-    return [name for name in names if name not in SHORT]
+RUNS = {
+    run.name: run
+    for run in (
+        *(Run(name, *reading) for reading in READINGS for name in SHORT if _compared(name, *reading)),
+        *(Run(name, *READING, long=True) for name in LONG),
+    )
+}
 
 
 def run_configs(runs: Path) -> dict[Path, Callable[[], RunConfig]]:
     """Run folders and what makes their configs, in the order to train them."""
-    found: dict[Path, Callable[[], RunConfig]] = {}
-    for name in SHORT:
-        found[folder_of(runs, name, False)] = lambda n=name: load_config(n, _changes(n, runs / "teacher"))
-    for name, seconds in LONG.items():
-        changes = [f"train.seconds={seconds}", "train.clock=cpu"]
-        found[folder_of(runs, name, True)] = lambda n=name, c=changes: load_config(n, c)
-    for frame, residual in READINGS:
-        end = [f"model.frame={frame}", f"model.residual={str(residual).lower()}"]
-        teacher = runs / reading_name("teacher", frame, residual)
-        for name in SHORT:
-            folder = runs / reading_name(name, frame, residual)
-            if folder not in found:
-                changes = [f"name={folder.name}", *_changes(name, teacher), *end]
-                found[folder] = lambda n=name, c=changes: load_config(n, c)
-    return found
-
-
-def _changes(name: str, teacher: Path) -> list[str]:
-    """What a variant's short run changes in the config that ships."""
-    extra = ENRICHED if name == "mlp-deep" else []
-    return [*SUBSET, *extra, *([f"train.teacher={teacher / 'model.npz'}"] if name.startswith("student") else [])]
+    return {runs / name: lambda r=run: r.config(runs) for name, run in RUNS.items()}
