@@ -1,10 +1,10 @@
 """What the methods are called in the documents: by what they are, with the name of their config apart.
 
-Runs are stored under the names of their configs (`gash train NAME`); "-long" ones had more time, others name the frame
-that they are in and whether they are residual.
+Runs are stored under the names of `experiments/neural_gash/variants.py`: the config (`gash train NAME`), the frame, whether
+they are residual, and "-long" where they had more time. The frame of the tables goes without saying.
 """
 
-from experiments.neural_gash.variants import LONG, READINGS, SHORT, reading_name
+from experiments.neural_gash.variants import LONG, READING, RUNS, SHORT
 
 _NAMES = {
     "closed form": "closed form, no shadows",
@@ -29,16 +29,21 @@ WHAT = {
 }
 
 
+def reading_name(frame: str, residual: bool) -> str:
+    """What a reading of the paper is called."""
+    return f"frame {frame}{', residual' if residual else ''}"
+
+
 def method_name(key: str) -> str:
     """What a method of the results is called; names that are words already stay as they are."""
     base = key.removesuffix(" + AO")
-    short = base.removesuffix("-long")
-    remark = f", {LONG[short] / 60:.0f} min" if base != short else ""
-    for frame, residual in READINGS:
-        suffix = reading_name("", frame, residual)
-        if base.endswith(suffix):
-            short, remark = base.removesuffix(suffix), f", frame {frame}{', residual' if residual else ''}"
-    name = _NAMES.get(short, short) + remark
+    name = _NAMES.get(base, base)
+    if base in RUNS:
+        run = RUNS[base]
+        reading = (run.frame, run.residual)
+        remarks = [_NAMES[run.variant]]
+        remarks += [f"{LONG[run.variant] / 60:.0f} min"] * run.long + [reading_name(*reading)] * (reading != READING)
+        name = ", ".join(remarks)
     return f"{name}; with ambient occlusion" if base != key else name
 
 

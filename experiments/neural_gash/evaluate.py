@@ -5,8 +5,9 @@
 FOLDER holds .ply files; those named in TEST that are there are measured, besides two that the project generates.
 Beside the networks stand maps that are linear in 25 traced visibilities (`linear.py`), and of networks that are told
 visibilities the skill by where they come from (`stages.py`).
-Times are medians of five after a warm-up, graphs built before unless said. What the stages take: `latency.py`. With
---only the named model is measured and FILE.json keeps what it says of the others.
+Times are medians of five after a warm-up, graphs built before unless said; only what the tables show in full is timed
+(`variants.Run.shown`). What the stages take: `latency.py`. With --only the named models are measured, runs or what
+ships, and FILE.json keeps what it says of the others.
 """
 
 import json
@@ -19,11 +20,11 @@ import numpy as np
 from benchmarks.options import parser, saved
 from experiments.neural_gash.linear import LinearMap, corpus, fit_all, predict
 from experiments.neural_gash.stages import stage_two_skills
-from experiments.neural_gash.variants import LONG, SHORT, folder_of, reading_names
+from experiments.neural_gash.variants import RUNS
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.measure.methods import evaluate_mesh
+from gash_jax.measure.methods import evaluate_mesh, visibility_score
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, Reference, make_reference, score
 from gash_jax.measure.timing import timed
@@ -65,10 +66,22 @@ def load_meshes(folder: Path | None, quick: bool) -> dict[str, Callable[[], Mesh
 
 def load_models(runs: Path) -> dict[str, Model]:
     """The finished runs, and the network that ships."""
-    folders = [folder_of(runs, name, False) for name in SHORT] + [folder_of(runs, name, True) for name in LONG]
-    folders += [runs / name for name in reading_names()]
-    found = {folder.name: load_model(folder / "model.npz") for folder in folders if (folder / "model.npz").exists()}
-    return found | {"local": load_model("local")}
+    files = {name: runs / name / "model.npz" for name in RUNS}
+    return {name: load_model(file) for name, file in files.items() if file.exists()} | {"local": load_model("local")}
+
+
+def is_shown(name: str) -> bool:
+    """Whether the tables show all of a model: what ships, and runs in their reading."""
+    return name not in RUNS or RUNS[name].shown
+
+
+def measure_model(name: str, model: Model, mesh: Mesh, reference: Reference) -> dict[str, Any]:
+    """Scores of a model on one mesh, by stages where it has some; and times, if the tables show them."""
+    skills = stage_two_skills(model, mesh, reference)
+    if is_shown(name):
+        return {**evaluate_mesh(model, mesh, reference), **skills}
+    seen = visibility_score(model, mesh) if model.predicts_visibility else {}
+    return {**score(model.predict(mesh).coefficients, mesh, reference), **seen, **skills}
 
 
 def measure(mesh: Mesh, models: dict[str, Model], linear: list[LinearMap], reference: Reference) -> dict[str, Any]:
@@ -89,8 +102,8 @@ def measure(mesh: Mesh, models: dict[str, Model], linear: list[LinearMap], refer
         found, seconds = timed(lambda m=fitted: predict(m, mesh), 3)
         rows[fitted.name] = {**score(found, mesh, reference), "network_us": seconds * per_vertex}
     for name, model in models.items():
-        rows[name] = {**evaluate_mesh(model, mesh, reference), **stage_two_skills(model, mesh, reference)}
-        if name.startswith("two-stage"):
+        rows[name] = measure_model(name, model, mesh, reference)
+        if name.startswith("two-stage") and is_shown(name):
             predicted = model.predict(mesh).coefficients
             refined, seconds = timed(lambda p=predicted: ambient_refinement(mesh, p))
             rows[f"{name} + AO"] = {**score(refined, mesh, reference), "ambient_us": seconds * per_vertex}
@@ -111,25 +124,28 @@ def main(runs: Path, meshes: Path | None, output: Path | None, quick: bool) -> d
     return saved(output, {**provenance(seed=0, arguments={"rays": rays}), "runs": runs_of, "rows": rows})
 
 
-def renew(name: str, meshes: Path | None, output: Path) -> dict[str, Any]:
-    """Measure one model again on the meshes of `output`, and put it in there in place of what that says of it."""
+def renew(names: list[str], runs: Path, meshes: Path | None, output: Path) -> dict[str, Any]:
+    """Measure some models again on the meshes of `output`, and put them in there in place of what that says of them."""
     results = json.loads(output.read_text())
-    model, readers = load_model(name), load_meshes(meshes, False)
+    files = {name: runs / name / "model.npz" for name in names}
+    models = {name: load_model(file if file.exists() else name) for name, file in files.items()}
+    readers = load_meshes(meshes, False)
     for row in results["rows"]:
         mesh = readers[row["mesh"]]()
         reference = make_reference(mesh, rays=results["arguments"]["rays"])
-        row["methods"][name] = {**evaluate_mesh(model, mesh, reference), **stage_two_skills(model, mesh, reference)}
-        print(row["mesh"], row["methods"][name]["skill"], flush=True)
-    results["runs"][name] = model.metadata.get("run", {})
-    results.setdefault("renewed", {})[name] = provenance(seed=0, arguments={"only": name})
+        found = {name: measure_model(name, model, mesh, reference) for name, model in models.items()}
+        row["methods"] |= found
+        print(row["mesh"], {name: scores["skill"] for name, scores in found.items()}, flush=True)
+    results["runs"] |= {name: model.metadata.get("run", {}) for name, model in models.items()}
+    results.setdefault("renewed", {}).update(dict.fromkeys(names, provenance(seed=0, arguments={"only": names})))
     return saved(output, results)
 
 
 if __name__ == "__main__":
     command = parser(__doc__, "runs", "meshes", "output", "quick")
-    command.add_argument("--only", metavar="MODEL", help="renew this model's part of --output")
+    command.add_argument("--only", nargs="+", metavar="MODEL", help="renew these models' part of --output")
     given = vars(command.parse_args())
     if only := given.pop("only"):
-        renew(only, given["meshes"], given["output"])
+        renew(only, given["runs"], given["meshes"], given["output"])
     else:
         main(**given)

@@ -46,7 +46,12 @@ class LinearMap(NamedTuple):
     @property
     def name(self) -> str:
         """What its row is called."""
-        return f"linear in 25 rays, frame {self.frame}{', residual' if self.residual else ''}"
+        return self.name_of(self.frame, self.residual)
+
+    @staticmethod
+    def name_of(frame: str, residual: bool) -> str:
+        """What the row of a frame is called, with or without residual."""
+        return f"linear in 25 rays, frame {frame}{', residual' if residual else ''}"
 
 
 def _teacher(frame: str) -> Any:

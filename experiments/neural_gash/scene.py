@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.options import parser, saved
-from experiments.neural_gash.evaluate import load_models
+from experiments.neural_gash.evaluate import is_shown, load_models
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.apps.pictures.views import cast_view, shade_view
 from gash_jax.geometry.health import prepare_mesh
@@ -74,7 +74,8 @@ def main(runs: Path, lights: Path | None, output: Path | None, quick: bool) -> d
     meshes = frames(4 if quick else FRAMES, 150 if quick else 2500)
     references = np.stack([bake_transfer(mesh, rays=64 if quick else 4096).coefficients for mesh in meshes])
     methods: dict[str, Any] = {"closed form": lambda mesh: np.asarray(unshadowed_transfer(mesh.normals, 3))}
-    methods |= {name: lambda mesh, m=model: m.predict(mesh).coefficients for name, model in load_models(runs).items()}
+    shown = {name: model for name, model in load_models(runs).items() if is_shown(name)}
+    methods |= {name: lambda mesh, m=model: m.predict(mesh).coefficients for name, model in shown.items()}
     methods["plain bake, 16 rays"] = lambda mesh: bake_transfer(mesh, rays=16, replicates=1).coefficients
     maps, hit, rows = scene_lights(lights), cast_view(meshes[0], "front", 64 if quick else 256), {}
     for name, predict in methods.items():
