@@ -1,10 +1,10 @@
 """What the methods are called in the documents: by what they are, with the name of their config apart.
 
-Runs are stored under the names of `experiments/neural_gash/variants.py`: the config (`gash train NAME`), the frame, whether
-they are residual, and "-long" where they had more time. The frame of the tables goes without saying.
+Runs are stored under the names of `experiments/neural_gash/variants.py`: the config (`gash train NAME`), the frame,
+whether they are residual, and "-long" where they had more time. The frame of the tables goes without saying.
 """
 
-from experiments.neural_gash.variants import LONG, READING, RUNS, SHORT
+from experiments.neural_gash.variants import LONG, RUNS, SHORT
 
 _NAMES = {
     "closed form": "closed form, no shadows",
@@ -39,11 +39,11 @@ def method_name(key: str) -> str:
     base = key.removesuffix(" + AO")
     name = _NAMES.get(base, base)
     if base in RUNS:
-        run = RUNS[base]
-        reading = (run.frame, run.residual)
-        remarks = [_NAMES[run.variant]]
-        remarks += [f"{LONG[run.variant] / 60:.0f} min"] * run.long + [reading_name(*reading)] * (reading != READING)
-        name = ", ".join(remarks)
+        run, name = RUNS[base], _NAMES[RUNS[base].variant]
+        if run.long:
+            name += f", {LONG[run.variant] / 60:.0f} min"
+        if not run.shown:
+            name += f", {reading_name(run.frame, run.residual)}"
     return f"{name}; with ambient occlusion" if base != key else name
 
 

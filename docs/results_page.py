@@ -17,6 +17,7 @@ from docs.cga_table import encodings
 from docs.conclusions import beaten, conclusions, median_rays
 from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
+from docs.paper_statements import statements
 from experiments.neural_gash.linear import LinearMap
 from experiments.neural_gash.variants import LONG, READING, READINGS, RUNS
 
@@ -184,6 +185,7 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "SUMMARY": summary(result),
         "READINGS": trial_tables.readings(result),
         "TOLD": trial_tables.told(result),
+        "STATEMENTS": statements(result),
         "MESHES": per_mesh(result),
         "VISIBILITY": visibility(result),
         "COEFFICIENTS": coefficients(result),

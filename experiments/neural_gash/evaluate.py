@@ -124,12 +124,12 @@ def main(runs: Path, meshes: Path | None, output: Path | None, quick: bool) -> d
     return saved(output, {**provenance(seed=0, arguments={"rays": rays}), "runs": runs_of, "rows": rows})
 
 
-def renew(names: list[str], runs: Path, meshes: Path | None, output: Path) -> dict[str, Any]:
+def renew(names: list[str], runs: Path, meshes: Path | None, output: Path, quick: bool) -> dict[str, Any]:
     """Measure some models again on the meshes of `output`, and put them in there in place of what that says of them."""
     results = json.loads(output.read_text())
     files = {name: runs / name / "model.npz" for name in names}
     models = {name: load_model(file if file.exists() else name) for name, file in files.items()}
-    readers = load_meshes(meshes, False)
+    readers = load_meshes(meshes, quick)
     for row in results["rows"]:
         mesh = readers[row["mesh"]]()
         reference = make_reference(mesh, rays=results["arguments"]["rays"])
@@ -146,6 +146,6 @@ if __name__ == "__main__":
     command.add_argument("--only", nargs="+", metavar="MODEL", help="renew these models' part of --output")
     given = vars(command.parse_args())
     if only := given.pop("only"):
-        renew(only, given["runs"], given["meshes"], given["output"])
+        renew(only, **given)
     else:
         main(**given)

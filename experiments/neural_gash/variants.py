@@ -1,8 +1,8 @@
-"""The runs that are compared: every variant in every reading, 5 minutes of CPU time on the same 64 shapes; two for long.
+"""The runs that are compared: every variant in every reading, 5 minutes of CPU time on 64 shapes; two for long.
 
-The paper leaves open in which frame its visibilities and coefficients are (`nn.output`, docs/choices.md). A reading is a
-frame, with or without residual. The tables show all variants in one, READING, which is also that of the long runs and
-of the weights that ship; the others stand beside it by their skills.
+The paper leaves open in which frame its visibilities and coefficients are (`nn.output`, docs/choices.md). A reading is
+a frame, with or without residual. The tables show all variants in one, READING, which is also that of the long runs
+and of the weights that ship; the others stand beside it by their skills.
 """
 
 from collections.abc import Callable
@@ -67,6 +67,9 @@ RUNS = {
         *(Run(name, *READING, long=True) for name in LONG),
     )
 }
+
+# the runs whose weights are in the package
+SHIPPED = {name: Run(name, *READING).name for name in LONG}
 
 
 def run_configs(runs: Path) -> dict[Path, Callable[[], RunConfig]]:

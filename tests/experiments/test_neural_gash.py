@@ -30,34 +30,39 @@ SWEEP = f"""{HEADER}
 
 
 def test_every_variant_has_a_config_and_the_same_budget(tmp_path: Path) -> None:
-    configs = {folder.name: make() for folder, make in list(variants.run_configs(tmp_path).items())}
-    longer = {f"{name}-long" for name in variants.LONG}
-    assert set(configs) == {*variants.SHORT, *longer, *variants.reading_names()}
+    configs: Any = {folder.name: make() for folder, make in variants.run_configs(tmp_path).items()}
+    assert list(configs) == list(variants.RUNS) and all(name == config.name for name, config in configs.items())
     short = [config for name, config in configs.items() if not name.endswith("-long")]
     assert {(c.train.seconds, c.train.clock) for c in short} == {(300.0, "cpu")}
     assert {c.data.shapes for c in short if not c.name.startswith("mlp-deep")} == {64}
-    assert configs["student-gnn"].train.teacher == str(tmp_path / "teacher" / "model.npz")
+    longer = [config for config in configs.values() if config not in short]
+    assert {c.model.name: c.train.seconds for c in longer} == variants.LONG
+    assert {c.data.shapes for c in longer} == {432} == {configs["mlp-deep-vertex"].data.shapes}
 
 
-def test_folders_say_frame_and_residual(tmp_path: Path) -> None:
-    """Both frames with and without residual; what would be the same run twice is there once."""
+def test_runs_say_frame_and_residual(tmp_path: Path) -> None:
+    """Every reading of the paper; what would be the same run twice is there once; students after their teachers."""
     configs: Any = {folder.name: make() for folder, make in variants.run_configs(tmp_path).items()}
-    assert len(variants.reading_names()) == len(set(variants.reading_names())) == 4 * 7 - 3
-    for name in variants.reading_names():
+    assert len(configs) == 7 + 3 * 6 + len(variants.TOLD) + len(variants.LONG)
+    for name, run in variants.RUNS.items():
         model = configs[name].model
-        assert (f"-{model.frame}" in name, name.endswith("-residual")) == (True, model.residual)
+        assert (model.frame, model.residual) == (run.frame, run.residual)
+        assert run.shown == ((model.frame, model.residual) == variants.READING)
         if name.startswith("student"):
             teacher = Path(configs[name].train.teacher).parent.name
             taught: Any = configs[teacher].model
             assert (taught.name, taught.frame, taught.residual) == ("teacher", model.frame, model.residual)
             assert list(configs).index(teacher) < list(configs).index(name)
-    blind = {configs[name].model.name for name in variants.BLIND}
-    assert blind == {"mlp", "gnn"} and not any(hasattr(configs[n].model, "visibility_directions") for n in blind)
-    assert method_name("teacher-vertex") == "GATv2, visibility given, frame vertex"
+    blind = {run.variant for run in variants.RUNS.values()} - set(variants.TOLD)
+    assert not any(hasattr(configs[f"{name}-vertex"].model, "visibility_directions") for name in blind)
+
+
+def test_methods_are_called_by_what_they_are() -> None:
+    assert method_name("teacher-vertex") == "GATv2, visibility given"
     assert method_name("two-stage-world-residual + AO").startswith(
         "TransformerConv + GATv2, frame world, residual; with"
     )
-    assert method_name("mlp-long") == "MLP, 15 min" and method_name("closed form") == "closed form, no shadows"
+    assert method_name("mlp-vertex-long") == "MLP, 15 min" and method_name("closed form") == "closed form, no shadows"
 
 
 @pytest.fixture(scope="module")
@@ -117,12 +122,13 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     options = {"visibility_channels": 8, "visibility_layers": 1, **SMALL}
     for config in (model_config("mlp", channels=8, layers=1), model_config("two-stage", **options)):  # type: ignore[arg-type]
         weights = random_variables(build_model(config), model_graph(config, bumpy_mesh(30)))["params"]
-        (tmp_path / config.name).mkdir()
-        save_model(tmp_path / config.name / "model.npz", config, weights, name=config.name)
+        for name in (f"{config.name}-vertex", f"{config.name}-world"):
+            (tmp_path / name).mkdir()
+            save_model(tmp_path / name / "model.npz", config, weights, name=name)
     result = evaluate.main(tmp_path, None, tmp_path / "results.json", quick=True)
     moving = scene.main(tmp_path, None, tmp_path / "scene.json", quick=True)
     assert (tmp_path / "results.json").stat().st_size > 1000 and (tmp_path / "scene.json").stat().st_size > 1000
-    times = latency.main(str(tmp_path / "two-stage" / "model.npz"), None, tmp_path / "latency.json", quick=True)
+    times = latency.main(str(tmp_path / "two-stage-vertex" / "model.npz"), None, tmp_path / "latency.json", quick=True)
     assert all(row["stage1"] > 0 and row["bake"] > 0 for row in times["rows"])
     (picture,) = pictures.main(None, tmp_path, quick=True)
     assert picture.name == "generated_1.png" and picture.stat().st_size > 1000
@@ -147,9 +153,15 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     (row,) = result["rows"]
     assert row["methods"]["closed form"]["skill"] == pytest.approx(0.0, abs=1e-6)
     assert f"{row['methods']['local']['skill']:.3f}" in text
-    told = row["methods"]["two-stage"]
+    told = row["methods"]["two-stage-vertex"]
     assert told["skill_predicted"] == pytest.approx(told["skill"], abs=1e-3) and "majority_accuracy" in told
-    assert "| linear in 25 rays, frame vertex |" in text
+    assert "graph_us" in told and "graph_us" not in row["methods"]["two-stage-world"]
+    assert "| linear in 25 rays, frame vertex |" in text and "| linear in 25 rays, frame world |" not in text
+    skills = [f"{row['methods'][name]['skill']:.2f}" for name in ("two-stage-vertex", "two-stage-world")]
+    assert f"| TransformerConv + GATv2 | {skills[0]} ({skills[0]}) | - | {skills[1]} ({skills[1]}) | - | - |" in text
+    renewed = evaluate.renew(["mlp-vertex"], tmp_path, None, tmp_path / "results.json", quick=True)
+    assert renewed["rows"][0]["methods"]["mlp-vertex"]["skill"] == pytest.approx(row["methods"]["mlp-vertex"]["skill"])
+    assert "Measured later: MLP:" in results_page.renewed(renewed)
 
 
 def test_sizes_of_the_corpora() -> None:
