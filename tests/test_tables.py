@@ -25,6 +25,7 @@ GENERATED = (
     "docs/baking.md",
     "docs/hard_cases.md",
     "docs/model_cards.md",
+    "docs/service.md",
     "docs/transport.md",
 )
 

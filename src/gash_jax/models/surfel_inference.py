@@ -63,6 +63,13 @@ def call_size(blocks: int, workers: int) -> int:
     return min(CALLS, key=lambda size: -(-blocks // (size * workers)) * (size + OVERHEAD))
 
 
+def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
+    """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
+    for size in CALLS:
+        part = {name: a[:size] for name, a in graph.blocks.items()}
+        jax.block_until_ready(run_blocks(module, params, _filled(part, size, np)))
+
+
 def predict_surfels(
     module: nn.Module, params: Any, graph: SurfelGraph, workers: int | None = None
 ) -> tuple[Array, Array]:
