@@ -85,7 +85,9 @@ def latency(port: int, model: Model, mesh: Mesh, repeats: int) -> dict[str, Any]
     alone = []
     for step in range(repeats + 1):  # the first is not counted
         name, new = milliseconds(connection, path, body)
-        milliseconds(connection, f"{name}/poses", body[: mesh.vertices.nbytes])  # carries the normals along from here on
+        milliseconds(
+            connection, f"{name}/poses", body[: mesh.vertices.nbytes]
+        )  # the first one carries the normals along
         _, pose = milliseconds(connection, f"{name}/poses", body[: mesh.vertices.nbytes])
         started = time.perf_counter()
         model.predict(mesh)
@@ -176,7 +178,11 @@ def load(process: subprocess.Popen, port: int, model: Model, clients: int, reque
     seconds = time.perf_counter() - started
     counts = sum((client.counts for client in everyone), Counter())
     sizes = {"clients": clients, "requests": clients * requests, "vertices": len(mesh.vertices), "seconds": seconds}
-    return {**sizes, **{name: counts[name] for name in ("answered", "refused", "cut off", "lost")}, "memory_mib": memory}
+    return {
+        **sizes,
+        **{name: counts[name] for name in ("answered", "refused", "cut off", "lost")},
+        "memory_mib": memory,
+    }
 
 
 def main(output: Path | None, quick: bool, model: str, clients: int, requests: int, repeats: int) -> dict[str, Any]:

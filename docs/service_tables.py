@@ -25,7 +25,16 @@ def latency_table(result: dict[str, Any]) -> str:
 def load_table(result: dict[str, Any]) -> str:
     """What became of the requests, and the memory of the service."""
     found = result["load"]
-    header = ["clients", "requests", "answered right", "refused", "cut off", "lost", "seconds", "MiB after a tenth, at the end"]
+    header = [
+        "clients",
+        "requests",
+        "answered right",
+        "refused",
+        "cut off",
+        "lost",
+        "seconds",
+        "MiB after a tenth, at the end",
+    ]
     names = ("clients", "requests", "answered", "refused", "cut off", "lost")
     memory = f"{found['memory_mib'][0]:.0f}, {found['memory_mib'][-1]:.0f}"
     row = [*(str(found[name]) for name in names), f"{found['seconds']:.0f}", memory]

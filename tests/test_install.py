@@ -30,6 +30,11 @@ WHOLE = bool(os.environ.get("GASH_INSTALL"))
 pytestmark = pytest.mark.slow
 
 
+def _outside() -> dict[str, str]:
+    """The environment of processes that are to know nothing of this checkout."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "XLA_FLAGS"))}
+
+
 def find_python(version: str) -> str | None:
     """An interpreter of a version: this one, one on the path, or one of pyenv's that its shims hide."""
     pyenv = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
@@ -53,20 +58,24 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module", params=VERSIONS)
-def installed(request: pytest.FixtureRequest, wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+def installed(
+    request: pytest.FixtureRequest, wheel: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, Path]:
     """A version and the folder of programs of an environment with the wheel."""
     version = request.param
     python = find_python(version)
     if python is None:
         pytest.skip(f"Python {version} is not here")
     folder = tmp_path_factory.mktemp(f"python{version}")
-    subprocess.run([python, "-m", "venv", "--without-pip", str(folder)], check=True)
+    subprocess.run([python, "-m", "venv", "--without-pip", str(folder)], env=_outside(), check=True)
     inside = folder / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(inside), "install", "--quiet"]
     if WHOLE:
-        subprocess.run([*pip, f"{wheel}[serve]"], check=True)
+        uv = shutil.which("uv")  # takes seconds where pip takes minutes
+        install = [uv, "pip", "install", "--quiet", "--python", str(inside)] if uv else pip
+        subprocess.run([*install, f"{wheel}[serve]"], env=_outside(), check=True)
     else:
-        subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], check=True)
+        subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], env=_outside(), check=True)
         (site,) = folder.glob("lib/python*/site-packages")
         borrowed = Path(np.__file__).parents[1]
         (site / "borrowed.pth").write_text(f"{borrowed}\n")  # its own .pth files, that of this checkout too, stay out
@@ -75,8 +84,8 @@ def installed(request: pytest.FixtureRequest, wheel: Path, tmp_path_factory: pyt
 
 def _run(programs: Path, folder: Path, *command: str) -> str:
     """What a program of the environment prints, started outside of the checkout."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "XLA_FLAGS"))}
-    done = subprocess.run([str(programs / command[0]), *command[1:]], cwd=folder, env=kept, capture_output=True, text=True)
+    words = [str(programs / command[0]), *command[1:]]
+    done = subprocess.run(words, cwd=folder, env=_outside(), capture_output=True, text=True)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     return done.stdout
 

@@ -1,9 +1,9 @@
 """A mesh that is held with its graph: a new pose costs positions alone, and nothing is ever compiled for one mesh.
 
 What depends on the faces (tree of surfels, blocks, tables) is built from the first pose and kept, as in
-`models.deforming`, whose rules for normals hold here too. The difference is what runs: there one program is compiled for
-each mesh, for whoever plays thousands of frames of one; here NumPy makes the arrays and the network runs in the calls
-that all meshes share, for whoever is sent meshes of any size, as a service is. Both give the same coefficients.
+`models.deforming`, whose rules for normals hold here too. The difference is what runs: there one program is compiled
+for each mesh, for whoever plays thousands of frames of one; here NumPy makes the arrays and the network runs in the
+calls that all meshes share, for whoever is sent meshes of any size, as a service is. Both give the same coefficients.
 
 The unit of length is that of the first pose; the centre is that of each pose, so a mesh may travel far.
 """

@@ -80,7 +80,9 @@ def test_only_a_length_that_fits_is_taken() -> None:
 
 def test_a_slip_of_the_pen_is_named() -> None:
     wire.check_names({"faces": "1"}, ("vertices", "faces"))
-    with pytest.raises(Refusal, match="unknown parameter 'vertice', did you mean 'vertices'.; known here: vertices, faces"):
+    with pytest.raises(
+        Refusal, match="unknown parameter 'vertice', did you mean 'vertices'.; known here: vertices, faces"
+    ):
         wire.check_names({"vertice": "1"}, ("vertices", "faces"))
     with pytest.raises(Refusal, match="this address takes none"):
         wire.check_names({"a": "1"}, ())

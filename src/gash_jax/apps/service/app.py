@@ -4,8 +4,8 @@ Everything that computes runs in one worker thread, one request after the other,
 stays free to read, to refuse and to say how things are. A request takes one of a limited number of places before its
 body is read and gives it back whatever happens, so memory is bounded by what so many bodies take.
 
-Every answer that is not 2xx is one line of text. A fault of ours is a 500 with the line on the error stream; the service
-goes on.
+Every answer that is not 2xx is one line of text. A fault of ours is a 500, with what happened on the error stream; the
+service goes on.
 """
 
 import asyncio
@@ -13,9 +13,8 @@ import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, contextmanager
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-import numpy as np
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -32,7 +31,6 @@ from gash_jax.geometry.mesh import MeshError
 from gash_jax.models.held import HeldMesh, Prediction
 from gash_jax.models.model import Model
 
-R = TypeVar("R")
 BYTES = "application/octet-stream"
 
 
@@ -138,18 +136,22 @@ class Service:
                     body[filled : filled + len(chunk)] = chunk
                     filled += len(chunk)
         except TimeoutError:
-            raise Refusal(408, f"{filled} of {length} bytes came in {self.limits.seconds:g} s: send them faster") from None
+            raise Refusal(
+                408, f"{filled} of {length} bytes came in {self.limits.seconds:g} s: send them faster"
+            ) from None
         except ClientDisconnect:  # nobody hears this
             raise Refusal(400, f"the connection was cut off after {filled} of {length} bytes") from None
         return body
 
-    async def _run(self, work: Callable[[bytearray], R], body: bytearray) -> R:
+    async def _run(self, work: Callable[[bytearray], Work], body: bytearray) -> Work:
         """Run in the worker. What has not begun in time is dropped; what has goes on, but nobody waits for it."""
         future = asyncio.wrap_future(self.worker.submit(work, body))
         try:
             return await asyncio.wait_for(future, self.limits.seconds)
         except TimeoutError:
-            raise Refusal(503, f"no answer within {self.limits.seconds:g} s: come again, or send fewer vertices") from None
+            raise Refusal(
+                503, f"no answer within {self.limits.seconds:g} s: come again, or send fewer vertices"
+            ) from None
 
 
 def _coefficients(found: Prediction, seconds: dict[str, float], status: int, headers: dict[str, str]) -> Response:

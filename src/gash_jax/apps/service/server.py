@@ -47,7 +47,9 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=family)
     except OSError as error:
-        raise ValueError(f"cannot listen at {host}:{port} ({error.strerror}): choose another --host or --port") from None
+        raise ValueError(
+            f"cannot listen at {host}:{port} ({error.strerror}): choose another --host or --port"
+        ) from None
 
 
 def make_server(models: Mapping[str, Model], limits: Limits, origins: tuple[str, ...] = ()) -> uvicorn.Server:

@@ -42,7 +42,9 @@ def _count(query: Mapping[str, str], name: str, most: int) -> int:
     if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS and int(text) > 0):
         raise Refusal(400, f"say how many {name} the body has: ?vertices=V&faces=F, whole numbers above 0")
     if int(text) > most:
-        raise Refusal(413, f"{text} {name} are more than this service takes ({most}): send fewer, or start it with more")
+        raise Refusal(
+            413, f"{text} {name} are more than this service takes ({most}): send fewer, or start it with more"
+        )
     return int(text)
 
 
