@@ -23,7 +23,7 @@ from gash_jax.graph.surfel_graph import SurfelGraph, normalised, plan_surfels, p
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.deforming import CarriedNormals, carried_normals, check_deforms, normals_of_pose
 from gash_jax.models.model import Model
-from gash_jax.models.surfel_inference import compile_calls
+from gash_jax.models.surfel_inference import compile_calls, predict_on_host
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float32)
 SIDES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
@@ -76,7 +76,7 @@ class HeldMesh:
 
     def _predicted(self, graph: SurfelGraph, normals: Float[np.ndarray, "v 3"], started: float) -> Prediction:
         built = time.perf_counter()
-        found = np.asarray(self.model(graph), np.float32)
+        found = predict_on_host(self.model.module, self.model.params, graph)[0]
         usable = np.any(normals != 0, axis=1)[:, None]
         coefficients = np.where(usable, found, np.float32(0))
         return Prediction(coefficients, {"graph": built - started, "network": time.perf_counter() - built})

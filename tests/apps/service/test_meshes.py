@@ -41,7 +41,7 @@ def test_the_least_recently_used_leaves_by_memory(mesh: HeldMesh) -> None:
     assert fit > 1
     names = [meshes.add(mesh) for _ in range(fit + 2)]
     assert len(meshes) == fit and meshes.nbytes <= MIB and meshes.get(names[-1]) is mesh
-    large = HeldMesh(mesh.model, bumpy_sphere(70))
+    large = HeldMesh(mesh.model, bumpy_sphere(36))
     assert large.nbytes > MIB
     meshes.add(large)
     assert len(meshes) == 1
