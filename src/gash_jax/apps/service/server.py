@@ -9,7 +9,6 @@ import signal
 import socket
 from collections.abc import Callable, Mapping
 
-import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -36,7 +35,8 @@ class Patient(H11Protocol):
         self._expect_head()
 
     def _expect_head(self) -> None:
-        if self.conn.their_state is h11.IDLE and self.timeout_keep_alive_task is None:
+        answered = self.cycle is None or self.cycle.response_complete
+        if answered and self.timeout_keep_alive_task is None:
             close = self.timeout_keep_alive_handler
             self.timeout_keep_alive_task = self.loop.call_later(self.timeout_keep_alive, close)
 
