@@ -56,7 +56,7 @@ class HeldMesh:
     @property
     def nbytes(self) -> int:
         """Memory of the arrays that are kept."""
-        arrays = jax.tree.leaves((self.mesh, self.plan, vars(self).get("_carried")))
+        arrays = jax.tree.leaves((self.mesh, self.plan, self.first.coefficients, vars(self).get("_carried")))
         return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     def predict(self, vertices: Shaped[np.ndarray, "..."]) -> Prediction:

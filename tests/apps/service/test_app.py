@@ -98,6 +98,7 @@ BAD: dict[str, tuple[str, str, bytes, int, str]] = {
     "model": ("POST", f"{GOOD}&model=../../etc/passwd", BODY, 404, "no model '../../etc/passwd' is served"),
     "mesh": ("POST", "/meshes/0123/poses", BODY, 404, "no mesh '0123' is held"),
     "path": ("GET", "/../etc/passwd", b"", 404, "is not served; there is POST /meshes"),
+    "slash": ("POST", GOOD.replace("?", "/?"), BODY, 404, "is not served"),
     "method": ("PUT", "/meshes", BODY, 405, "is not served"),
     "delete": ("DELETE", "/meshes/0123", b"", 404, "no mesh"),
 }

@@ -29,6 +29,7 @@ def test_normals_are_taken_or_computed() -> None:
     sent = wire.mesh_of_body(POSITIONS + tripled + FACES, V, F)
     for found, expected in zip(sent, MESH, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert all(array.base is None for array in sent), "what is held would hold the body"
     computed = wire.mesh_of_body(POSITIONS + FACES, V, F)
     np.testing.assert_array_equal(computed.normals, read_mesh((MESH.vertices, MESH.faces))[0].normals)
 

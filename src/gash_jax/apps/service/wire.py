@@ -74,7 +74,7 @@ def mesh_of_body(body: bytes | bytearray, vertices: int, faces: int) -> Mesh:
     floats, corners = read_positions(body[:split]), np.frombuffer(body, "<i4", offset=split).reshape(-1, 3)
     if len(floats) == vertices:
         return read_mesh((floats, corners))[0]
-    positions, normals = floats[:vertices], floats[vertices:]
+    positions, normals = floats[:vertices].copy(), floats[vertices:]  # what is held must not hold the body
     bad = ~np.isfinite(normals).all(axis=1)
     if bad.any():
         first = int(np.argmax(bad))
