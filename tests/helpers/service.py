@@ -44,7 +44,7 @@ def served(models: Mapping[str, Model], limits: Limits, origins: tuple[str, ...]
 
 class Answer(NamedTuple):
     status: int
-    headers: Mapping[str, str]
+    headers: http.client.HTTPMessage
     body: bytes
 
     @property

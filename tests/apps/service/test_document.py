@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -45,13 +46,13 @@ def _expected(model: Model) -> tuple[Prediction, Prediction]:
 
 
 def test_the_python_client_runs(port: int, model: Model) -> None:
-    names = dict(zip(("vertices", "normals", "faces"), MESH, strict=True))
+    names: dict[str, Any] = dict(zip(("vertices", "normals", "faces"), MESH, strict=True))
     exec(_block("python", port), names)
     for found, expected in zip((names["coefficients"], names["moved"]), _expected(model), strict=True):
         np.testing.assert_allclose(found, expected.coefficients, atol=1e-6)
     with pytest.raises(RuntimeError, match="error: no mesh"):
-        names["gash"].pose("/meshes/0", MESH.vertices)  # type: ignore[attr-defined]
-    names["gash"].connection.close()  # type: ignore[attr-defined]
+        names["gash"].pose("/meshes/0", MESH.vertices)
+    names["gash"].connection.close()
 
 
 def test_the_javascript_client_runs(port: int, model: Model, tmp_path: Path) -> None:

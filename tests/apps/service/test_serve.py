@@ -27,7 +27,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def _start(*arguments: str | Path) -> subprocess.Popen:
+def _start(*arguments: object) -> subprocess.Popen:
     """The service at a free port."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-m", "gash_jax", "serve", "--port", "0", *map(str, arguments)]
@@ -44,7 +44,7 @@ def _port(process: subprocess.Popen) -> int:
 
 @pytest.mark.parametrize("name", [signal.SIGTERM, signal.SIGINT])
 def test_a_stop_answers_what_runs(weights: Path, name: signal.Signals) -> None:
-    process = _start("--model", weights)
+    process = _start("--model", weights, "--timeout", 300)
     port, answers = _port(process), []
     path, body = mesh_request(bumpy_sphere(60))
     asking = threading.Thread(target=lambda: answers.append(ask(port, "POST", path, body)))
@@ -52,7 +52,7 @@ def test_a_stop_answers_what_runs(weights: Path, name: signal.Signals) -> None:
     while b'"requests":1' not in ask(port, "GET", "/health").body:
         time.sleep(0.005)
     process.send_signal(name)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=300)
     asking.join()
     (answer,) = answers
     assert isinstance(answer, Answer) and answer.status == 201 and len(answer.body) == 36 * 36_002

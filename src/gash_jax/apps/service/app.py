@@ -201,7 +201,7 @@ def make_app(models: Mapping[str, Model], limits: Limits, origins: tuple[str, ..
         Route("/models", service.list_models),
     ]
     handlers: Any = {Refusal: _refused, MeshError: _bad_mesh, HTTPException: _no_address, Exception: _fault}
-    told = {"allow_methods": ["GET", "POST", "DELETE"], "expose_headers": ["Location", "Bands", "Server-Timing"]}
+    told: Any = {"allow_methods": ["GET", "POST", "DELETE"], "expose_headers": ["Location", "Bands", "Server-Timing"]}
     pages = [Middleware(CORSMiddleware, allow_origins=origins, **told)] if origins else []
     app = Starlette(routes=routes, middleware=pages, exception_handlers=handlers, lifespan=lifespan)
     app.router.redirect_slashes = False
