@@ -5,7 +5,7 @@ MESH   ?=
 LIGHT  ?=
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test peers setup lock clean
+.PHONY: demo test peers install-check setup lock clean
 
 setup: $(STAMP)
 
@@ -48,6 +48,10 @@ $(PEERS)/.installed: $(STAMP) requirements/peers.txt
 	  -r requirements/$$($(PEERS)/bin/python -c 'import sys; print("lock-%d.%d.txt" % sys.version_info[:2])')
 	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@touch $@
+
+# the wheel in clean environments with its dependencies from the index, on every Python from 3.11 to 3.13 that is here
+install-check: $(STAMP)
+	GASH_INSTALL=whole $(VENV)/bin/python -m pytest -n 0 -v tests/test_install.py
 
 # rewrite the lock files from the ranges in pyproject.toml (needs uv)
 lock:

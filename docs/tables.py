@@ -10,7 +10,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, rotation_tables, trial_tables
+from docs import (
+    animation_tables,
+    baking_tables,
+    bounce_tables,
+    gloss_tables,
+    rotation_tables,
+    service_tables,
+    trial_tables,
+)
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -116,6 +124,8 @@ TABLES = (
     Table("docs/animation.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
     Table("docs/animation.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),
     Table("docs/choices.md", "LINEAR", trial_tables.linear, "linear_stage.json"),
+    Table("docs/service.md", "SERVICE LATENCY", service_tables.latency_table, "service.json"),
+    Table("docs/service.md", "SERVICE LOAD", service_tables.load_table, "service.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

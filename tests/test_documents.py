@@ -18,7 +18,7 @@ FOLDERS = ("benchmarks", "docs", "experiments", "notebooks", "requirements", "ru
 ROOMS = tuple(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 WRITTEN = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
 CODE = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
-TARGETS = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+TARGETS = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
 def code_spans(text: str, markdown: bool) -> list[str]:
@@ -78,7 +78,7 @@ def missing(text: str, folder: Path, markdown: bool) -> list[str]:
             ours = place.with_suffix(".py").exists() or (place / "__main__.py").exists()
             if not (ours or re.search("[A-Z]{3}", module) or (module.isidentifier() and find_spec(module))):
                 found.append(module)
-        found += [target for target in re.findall(r"^make ([a-z]+)", span) if target not in TARGETS]
+        found += [target for target in re.findall(r"^make ([a-z-]+)", span) if target not in TARGETS]
         for name in re.findall(r"^(?:gash_jax\.)?(\w+\.\w[\w.]*)(?:\(.*)?$", span):
             room = name.split(".")[0]
             # `train.seconds` is a key of a config

@@ -26,6 +26,7 @@ GENERATED = (
     "docs/choices.md",
     "docs/hard_cases.md",
     "docs/model_cards.md",
+    "docs/service.md",
     "docs/transport.md",
 )
 

@@ -27,6 +27,7 @@ COMMANDS = {
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",
     "predict": "Predict the transfer of MESH with a network: no rays.",
     "render": "Relight TRANSFER and write a picture (.png, .jpg) of several views.",
+    "serve": "Answer meshes with their transfer over HTTP, by a network; meshes that deform send positions only.",
     "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to "
     "continue.",
     "train": "Train the network that CONFIG (.toml, or a shipped name) describes.",

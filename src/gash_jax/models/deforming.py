@@ -88,11 +88,23 @@ def _frames(positions: Any, normals: Any, neighbour: np.ndarray, unit: Callable[
 
 
 def normals_of_pose(
-    positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
-) -> Float[Array, "v 3"]:
-    """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish."""
-    frames = _frames(positions, vertex_normals(positions, faces), carried.neighbour, safe_normalize)
-    return safe_normalize(jnp.einsum("vij,vi->vj", frames, carried.local)) + carried.fixed
+    positions: Float[Any, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
+) -> Float[Any, "v 3"]:
+    """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish. NumPy of NumPy positions."""
+    if isinstance(positions, np.ndarray):
+        weighted, unit, xp = angle_weighted_normals(positions, faces), normalized, np
+    else:
+        weighted, unit, xp = vertex_normals(positions, faces), safe_normalize, jnp
+    frames = _frames(positions, weighted, carried.neighbour, unit)
+    return unit(xp.einsum("vij,vi->vj", frames, carried.local)) + carried.fixed
+
+
+def check_deforms(model: Model) -> None:
+    """Raise ValueError unless a model has a graph that can follow a mesh that deforms."""
+    if not isinstance(model, Model):
+        raise ValueError(f"a {type(model).__name__} is no model: give what load_model returns")
+    if not isinstance(model.config, SurfelConfig):
+        raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
 
 
 def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
@@ -106,10 +118,7 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     >>> coefficients.shape
     (362, 9)
     """
-    if not isinstance(model, Model):
-        raise ValueError(f"a {type(model).__name__} is no model: give what load_model returns")
-    if not isinstance(model.config, SurfelConfig):
-        raise ValueError(f"model {model.config.name} has no path for deforming meshes: use local")
+    check_deforms(model)
     mesh = as_mesh(mesh)
     positions, center, unit = normalised(mesh)
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)

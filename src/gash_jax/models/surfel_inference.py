@@ -63,10 +63,28 @@ def call_size(blocks: int, workers: int) -> int:
     return min(CALLS, key=lambda size: -(-blocks // (size * workers)) * (size + OVERHEAD))
 
 
+def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
+    """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
+    for size in CALLS:
+        part = {name: a[:size] for name, a in graph.blocks.items()}
+        jax.block_until_ready(run_blocks(module, params, _filled(part, size, np)))
+
+
 def predict_surfels(
     module: nn.Module, params: Any, graph: SurfelGraph, workers: int | None = None
 ) -> tuple[Array, Array]:
-    """The same on all cores, for arrays that are not traced: calls of one size, spread over threads."""
+    """The same on all cores, for arrays that are not traced."""
+    coefficients, error = predict_on_host(module, params, graph, workers)
+    return jnp.asarray(coefficients), jnp.asarray(error)
+
+
+def predict_on_host(
+    module: nn.Module, params: Any, graph: SurfelGraph, workers: int | None = None
+) -> tuple[Float[np.ndarray, "v k"], Float[np.ndarray, "v k"]]:
+    """The same as NumPy arrays: calls of one size, spread over threads.
+
+    Nothing is compiled for a number of vertices, which even `jnp.asarray` does.
+    """
     blocks, workers = graph.blocks, workers or available_cores()
     count = len(blocks["normal"])
     size = call_size(count, workers)
@@ -83,5 +101,4 @@ def predict_surfels(
             outputs = list(pool.map(call, starts))
     else:
         outputs = [call(start) for start in starts]
-    coefficients, error = by_vertex(np.concatenate(outputs).reshape(-1, outputs[0].shape[-1]), graph.slot, module.bands)
-    return jnp.asarray(coefficients), jnp.asarray(error)
+    return by_vertex(np.concatenate(outputs).reshape(-1, outputs[0].shape[-1]), graph.slot, module.bands)

@@ -1,0 +1,1 @@
+"""The HTTP service of `gash serve`. docs/service.md says how it is spoken to."""
