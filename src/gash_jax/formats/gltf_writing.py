@@ -106,6 +106,8 @@ def mesh_glb(mesh: Mesh) -> tuple[Glb, list[Place]]:
 
 def open_glb(path: Path) -> tuple[Glb, list[Place]]:
     """A file to add to, and where its vertices stand. Raises MeshError, one line."""
+    if not path.is_file():
+        raise MeshError(f"no such file: {path}")
     data = path.read_bytes()
     if data[:4] != b"glTF":
         raise MeshError(f"{path} is no .glb file: export the scene as one .glb")

@@ -104,10 +104,10 @@ def _cmgen_text(numbers: Float[np.ndarray, "k 3"]) -> str:
     return "".join(f"({r:.15f}, {g:.15f}, {b:.15f}); // {k}, irradiance, pre-scaled base\n" for (r, g, b), k in rows)
 
 
-def read_numbers(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The numbers of a file in some other convention, and the arrays of a mesh where it holds one.
+def read_numbers(path: Path, name: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The numbers of a file in a convention, and the arrays of a mesh where it holds one.
 
-    Raises FileError.
+    Raises FileError, also where the file says that it is in another one.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -116,7 +116,8 @@ def read_numbers(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         raise FileError(f"no such file: {path}")
     mesh: dict[str, np.ndarray] = {}
     if suffix == ".npz":
-        arrays, _ = read_npz(path, "converted", ("coefficients",))
+        arrays, metadata = read_npz(path, "converted", ("coefficients",))
+        _check_name(path, metadata.get("convention", "gash"), name)
         numbers = arrays["coefficients"]
         mesh = {key: arrays[key] for key in _MESH if key in arrays}
     elif suffix == ".npy":
@@ -124,17 +125,27 @@ def read_numbers(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         numbers = numbers[0] if numbers.ndim == 3 and len(numbers) == 1 else numbers
     else:
         try:
-            numbers = _from_text(path.read_text(encoding="utf-8"), suffix)
+            numbers, said = _from_text(path.read_text(encoding="utf-8"), suffix)
         except (ValueError, LookupError, TypeError, RecursionError):
             raise FileError(f"{path} holds no table of coefficients: write it again") from None
+        _check_name(path, said or name, name)
     if numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
         raise FileError(f"{path} holds values that are not finite numbers: write it again")
     return numbers, mesh
 
 
-def _from_text(text: str, suffix: str) -> Float[np.ndarray, "..."]:
+def _check_name(path: Path, said: str, name: str) -> None:
+    if said != name:
+        ours = "our own: it needs no --from" if said == "gash" else f"those of {said}: use --from {said}"
+        raise FileError(f"the numbers in {path} are {ours}")
+
+
+def _from_text(text: str, suffix: str) -> tuple[Float[np.ndarray, "..."], str | None]:
+    """The table in a text, and the convention that it names, if any."""
     if suffix == ".json":
         entries = json.loads(text)
         probe = entries.get("object", {}).get("sh")
-        return np.array(entries["coefficients"] if probe is None else np.reshape(probe, (-1, 3)), np.float64)
-    return np.loadtxt(io.StringIO(re.sub(r"//[^\n]*|[(),;]", " ", text)), ndmin=2)
+        if probe is not None:
+            return np.reshape(np.array(probe, np.float64), (-1, 3)), "three"
+        return np.array(entries["coefficients"], np.float64), entries.get("convention")
+    return np.loadtxt(io.StringIO(re.sub(r"//[^\n]*|[(),;]", " ", text)), ndmin=2), None

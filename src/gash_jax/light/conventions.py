@@ -47,6 +47,7 @@ class Convention(NamedTuple):
     axes: tuple[str, str, str]  # their x, y, z in our axes, such as ("x", "y", "-z")
     bands: tuple[int, int]  # fewest and most that it reads
     condon_shortley: bool
+    pi: str  # who divides irradiance by pi
     facts: tuple[Fact, ...]
     scale: float = 1.0
     polynomial: bool = False

@@ -15,6 +15,7 @@ CONVENTIONS: dict[str, Convention] = {
     for record in (
         Convention(
             *("three", "three.js LightProbe", ("x", "y", "z"), (3, 3), False),
+            pi="its material",
             turn=-90,
             facts=(
                 Fact("basis without sign, radiance coefficients", "three.js, src/math/SphericalHarmonics3.js, getAt"),
@@ -25,6 +26,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("unity", "Unity SphericalHarmonicsL2", ("x", "y", "-z"), (3, 3), False),
+            pi="done in the numbers",
             polynomial=True,
             turn=-90,
             facts=(
@@ -40,6 +42,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("unity-gltf", "Unity, meshes imported from glTF", ("-x", "y", "z"), (3, 3), False),
+            pi="done in the numbers",
             polynomial=True,
             turn=90,
             facts=(
@@ -51,6 +54,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("filament", "Filament IndirectLight", ("x", "y", "z"), (1, 3), False),
+            pi="done in the numbers",
             polynomial=True,
             turn=180,
             facts=(
@@ -64,6 +68,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("d3dx", "D3DX and DirectXMath", ("x", "y", "z"), (2, 6), True),
+            pi="you",
             facts=(
                 Fact("basis (-1)^m Y: l = 1 is (-y, z, -x)", "DirectXMath, SHMath/DirectXSH.cpp"),
                 Fact("2 to 6 bands; axes are the caller's, ours are kept", "DirectXMath, SHMath/DirectXSH.h"),
@@ -71,6 +76,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("unreal", "Unreal FSHVectorRGB", ("x", "z", "y"), (2, 3), True),
+            pi="its packing for the shader",
             turn=0,
             facts=(
                 Fact("basis (-1)^m Y, radiance coefficients", "Unreal, SHMath.h, TSHVector<3>::SHBasisFunction"),
@@ -81,6 +87,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("blender", "Blender EEVEE", ("x", "-z", "y"), (1, 3), True),
+            pi="you",
             turn=-90,
             facts=(
                 Fact("basis (-1)^m Y, radiance coefficients", "Blender, eevee_spherical_harmonics_lib.glsl"),
@@ -90,6 +97,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("splats", "3D Gaussian splats", ("x", "y", "z"), (1, 4), True),
+            pi="nobody: colours, not light",
             offset=0.5,
             facts=(
                 Fact("basis (-1)^m Y, 1/2 added to every colour", "gaussian-splatting, utils/sh_utils.py, eval_sh"),
@@ -99,12 +107,14 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("e3nn", "e3nn, normalization='integral'", ("z", "x", "y"), (1, 10), False),
+            pi="you",
             facts=(
                 Fact("polar axis y: l = 1 is (x, y, z), no sign, orthonormal", "e3nn, spherical_harmonics, docstring"),
             ),
         ),
         Convention(
             *("mitsuba", "Mitsuba 3, drjit.sh_eval", ("x", "y", "z"), (1, 10), True),
+            pi="you",
             turn=180,
             facts=(
                 Fact("basis (-1)^m Y", f"Dr.Jit, include/drjit/sh.h, after {_SLOAN}"),
@@ -113,6 +123,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("pifu", "PIFu, ICON, PaMIR, ECON", ("x", "y", "z"), (3, 3), False),
+            pi="done in the light, for nobody else does",
             scale=1.0 / math.pi,
             facts=(
                 Fact("transfer is the integral of V cos Y without 1/π", f"{_PIFU}, computePRT"),

@@ -20,6 +20,8 @@ from gash_jax.geometry.seams import TOLERANCE, mean_over, same_vertices, vertice
 from gash_jax.prt.transfer import Transfer
 from gash_jax.prt.vertex_attributes import vertex_attributes
 
+OURS = "gash"  # the name of our own convention
+
 
 class Asset(NamedTuple):
     """What was written: vertices of the .glb, names of its attributes, largest rounding of a coefficient."""
@@ -30,11 +32,18 @@ class Asset(NamedTuple):
 
 
 def write_asset(
-    path: Path, transfer: Transfer, source: Path | None, style: str, store: str, weld: Path | None
+    path: Path,
+    transfer: Transfer,
+    source: Path | None,
+    style: str,
+    store: str,
+    weld: Path | None,
+    convention: str = OURS,
 ) -> Asset:
     """Write the transfer into a .glb: `style` "sh" or "uv", `store` "float", "short" or "byte".
 
-    `source` is a .glb whose scene is kept, `weld` a file for the map between its vertices and those of the transfer.
+    `source` is a .glb whose scene is kept, `weld` a file for the map between its vertices and those of the transfer;
+    `convention` is the name of that in which the coefficients are, for whoever reads the file.
     Raises ValueError, one line, where something does not fit; nothing is written then.
     """
     glb, places = open_glb(source) if source else mesh_glb(transfer.mesh)
@@ -46,7 +55,8 @@ def write_asset(
         coefficients = mean_over(labels, flat).reshape(coefficients.shape)
     first_set = texture_sets(glb, places) if style == "uv" else 0
     attributes, extras, error = vertex_attributes(coefficients[rows], style, store, first_set)
-    _write(path, glb, places, attributes, extras)
+    extras["convention"] = convention
+    _write(path, glb, places, attributes, {"gash": extras})
     if weld:
         write_npz(weld, weld_map(rows, len(coefficients)), {"format": "gash-weld"})
     return Asset(len(rows), [attribute.name for attribute in attributes], error)

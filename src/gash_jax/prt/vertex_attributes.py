@@ -1,8 +1,8 @@
 """Coefficients as vertex attributes of a .glb file: their names, and what is stored.
 
 A coefficient is stored * scale + offset, with a scale and an offset for each column in the `extras` of the mesh, under
-"gash". Columns are the coefficients k = 0, 1, ... (of coloured transfer first those of red, then green, then blue), and
-zeros up to a multiple of an attribute's width:
+"gash", which also names the convention (`light.engines`; "gash" is ours). Columns are the coefficients k = 0, 1, ...
+(of coloured transfer first those of red, then green, then blue), and zeros up to a multiple of an attribute's width:
 
     sh  `_SH0` to `_SH3`, four columns each (glTF 2.0, 3.7.2.1: names of one's own start with an underscore); coloured
         `_SHR0`, `_SHG0`, `_SHB0` and on. Floats, or signed integers, normalised: -1 to 1 stands for -scale to scale.
@@ -16,7 +16,6 @@ from jaxtyping import Float
 
 from gash_jax.algebra.sh import bands_of
 from gash_jax.formats.gltf_writing import Attribute
-from gash_jax.prt.transfer import CONVENTIONS
 
 MOST_BANDS = 4  # 16 floats: what engines take as attributes of one's own
 MOST_TEXTURE_SETS = 8  # of Unity
@@ -54,9 +53,9 @@ def vertex_attributes(
     error = float(np.abs(read_back(values, scale, offset) - np.concatenate(list(padded), axis=1)).max(initial=0.0))
     extras = {
         **{"attributes": names, "coefficients": count, "bands": bands, "channels": len(channels), "stored": store},
-        **{"scale": scale.tolist(), "offset": offset.tolist(), "conventions": CONVENTIONS},
+        **{"scale": scale.tolist(), "offset": offset.tolist()},
     }
-    return found, {"gash": extras}, error
+    return found, extras, error
 
 
 def _names(colours: str, each: int, style: str, first_set: int) -> list[str]:

@@ -1,5 +1,7 @@
 """`gash convert`: lights and transfers in the numbers of other programs and back, and as glTF for engines."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +18,13 @@ from gash_jax.formats.maps import read_map
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.light.convention_files import read_numbers, write_numbers, written_beside
 from gash_jax.light.conventions import turn_map
-from gash_jax.light.conversion import from_convention
+from gash_jax.light.conversion import from_convention, to_convention
 from gash_jax.light.engines import CONVENTIONS, convention
 from gash_jax.light.environment import FORMAT as LIGHT
 from gash_jax.light.environment import Light, load_light, save_light
 from gash_jax.light.layouts import layout_of
 from gash_jax.light.pifu_faces import pifu_faces
-from gash_jax.prt.asset import write_asset
+from gash_jax.prt.asset import OURS, write_asset
 from gash_jax.prt.transfer import Transfer, load_transfer, make_metadata, save_transfer
 from gash_jax.prt.vertex_attributes import STORES
 
@@ -32,7 +34,7 @@ _NAMES = click.Choice(list(CONVENTIONS))
 @click.command(cls=Command, epilog="gash convert studio.npz --to unity -o studio.json")
 @click.argument("source", metavar="IN", type=PATH)
 @output_option
-@click.option("--to", "target", type=_NAMES, help="Write the numbers that this program has (docs/light.md).")
+@click.option("--to", "target", type=_NAMES, help="Write the numbers that this program has.")
 @click.option("--from", "origin", type=_NAMES, help="Read the numbers of this program, write a file of ours.")
 @click.option("--bands", type=click.IntRange(1, 10), help="Keep the first bands only.")
 @click.option("--mesh", "mesh", type=PATH, help="The mesh that was baked: a .glb to keep, or for PIFu the .obj.")
@@ -64,22 +66,22 @@ def convert(source: Path, output: Path, target: str | None, origin: str | None, 
     elif origin:
         _read_back(source, output, origin, options["mesh"], quiet)
     elif asset:
-        _asset(source, output, options, inputs, quiet)
+        _asset(source, output, target, options, inputs, quiet)
     else:
         _numbers(source, output, str(target), options, inputs, quiet)
 
 
 def _check_options(source: Path, target: str | None, origin: str | None, asset: bool, options: dict[str, Any]) -> None:
     """Refuse options that would have no effect, and too few of them."""
-    if (target is not None) + (origin is not None) + asset != 1:
-        raise click.UsageError("give one of: --to NAME, --from NAME, or an output that ends in .glb")
+    if (target is not None or asset) == (origin is not None):
+        raise click.UsageError("give --to NAME, --from NAME, or an output that ends in .glb")
     if source.suffix.lower() in MAPS and target is None:
         raise click.UsageError("a map is turned for a program: give --to NAME")
     if not asset and (options["weld"] or options["attributes"] != "sh" or options["store"] != "float"):
         raise click.UsageError("--attributes, --store and --weld say how a .glb is written: name the output so")
     if options["weld"] and options["weld"].suffix.lower() != ".npz":
         raise click.UsageError("--weld is the name of a file to write: let it end in .npz")
-    if options["mesh"] and target not in (None, "pifu"):
+    if options["mesh"] and not asset and target not in (None, "pifu"):
         raise click.UsageError("--mesh goes with a .glb, with --to pifu and with --from")
 
 
@@ -95,11 +97,9 @@ def _turn(source: Path, output: Path, target: str, quiet: bool) -> None:
 
 
 def _read_back(source: Path, output: Path, origin: str, mesh_path: Path | None, quiet: bool) -> None:
-    numbers, mesh = read_numbers(source)
-    try:
+    numbers, mesh = read_numbers(source, origin)
+    with _naming(source):
         value = from_convention(numbers, origin)
-    except ValueError as error:
-        raise FileError(f"{source}: {error}") from None
     if isinstance(value, Light):
         save_light(output, value)
     else:
@@ -128,7 +128,9 @@ def _load(source: Path, bands: int | None) -> Light | Transfer:
     return Transfer(kept, None, value.vertices, value.normals, value.faces, {**value.metadata, "bands": bands})
 
 
-def _asset(source: Path, output: Path, options: dict[str, Any], inputs: list[Path], quiet: bool) -> None:
+def _asset(
+    source: Path, output: Path, target: str | None, options: dict[str, Any], inputs: list[Path], quiet: bool
+) -> None:
     value = _load(source, options["bands"])
     if isinstance(value, Light):
         raise FileError(f"{source} is a light, and a .glb holds a transfer: write numbers instead, with --to NAME")
@@ -137,7 +139,11 @@ def _asset(source: Path, output: Path, options: dict[str, Any], inputs: list[Pat
     weld = options["weld"]
     if weld:
         check_writable(weld, [*inputs, output])
-    asset = write_asset(output, value, options["mesh"], options["attributes"], options["store"], weld)
+    if target:
+        with _naming(source):
+            value = value._replace(coefficients=to_convention(value, target))
+    how = options["attributes"], options["store"], weld, target or OURS
+    asset = write_asset(output, value, options["mesh"], *how)
     for note in _left_behind(value):
         say(f"  {note}", quiet)
     rounding = f", rounded by {asset.error:.1e} at most" if options["store"] != "float" else ""
@@ -156,15 +162,22 @@ def _numbers(source: Path, output: Path, target: str, options: dict[str, Any], i
     files = written_beside(output, value, target)
     for file in files:
         check_writable(file, inputs)
-    try:
+    with _naming(source):
         write_numbers(output, value, target, corners)
+    for note in _left_behind(value):
+        say(f"  {note}", quiet)
+    say(f"wrote {' and '.join(map(str, files))} for {convention(target).title}", quiet)
+
+
+@contextmanager
+def _naming(source: Path) -> Iterator[None]:
+    """What is wrong with the numbers of a file names that file."""
+    try:
+        yield
     except FileError:
         raise
     except ValueError as error:
         raise FileError(f"{source}: {error}") from None
-    for note in _left_behind(value):
-        say(f"  {note}", quiet)
-    say(f"wrote {' and '.join(map(str, files))} for {convention(target).title}", quiet)
 
 
 def _left_behind(value: Light | Transfer) -> list[str]:
