@@ -143,6 +143,7 @@ def test_coloured_transfer_and_points(folder: Path, capsys, monkeypatch) -> None
         (("t.npz", "-o", "x.glb", "--mesh", "map.hdr"), "map.hdr is no .glb"),
         (("t.npz", "-o", "x.glb", "--weld", "t.npz"), "cannot write t.npz: it is the input t.npz"),
         (("t.npz", "-o", "x.glb", "--weld", "map.txt"), "let it end in .npz"),
+        (("map.hdr", "--to", "three", "-o", "x.hdr", "--bands", "3"), "--bands cuts our own"),
         (("l.npz", "--to", "three", "-o", "x.json", "--store", "byte"), "name the output so"),
         (("absent.npz", "--to", "three", "-o", "x.json"), "no such file: absent.npz"),
         (("l.npz", "--from", "three", "-o", "x.npz"), "are our own: it needs no --from"),

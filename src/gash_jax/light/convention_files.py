@@ -29,7 +29,7 @@ FORMAT = "gash-converted"
 SUFFIXES = (".npz", ".json", ".txt", ".npy")
 FACES = "face.npy"  # beside a transfer for PIFu
 _MESH = ("vertices", "normals", "faces")
-_LABELS = [f"L{band}{m or 0}" for band in range(3) for m in range(-band, band + 1)]
+_LABELS = [f"L{band}{m}" for band in range(3) for m in range(-band, band + 1)]
 
 
 def written_beside(path: Path, value: Light | Transfer, name: str) -> list[Path]:

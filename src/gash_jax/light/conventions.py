@@ -28,7 +28,6 @@ from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
 from gash_jax.algebra.directions import fibonacci_hemisphere
 from gash_jax.algebra.sh import band_index, bands_of, sh_components
 
-POLYNOMIAL_BANDS = 3  # of irradiance as a polynomial; A_3 is 0
 AXES = ("x", "y", "z")
 
 

@@ -32,9 +32,9 @@ CONVENTIONS: dict[str, Convention] = {
             facts=(
                 Fact(
                     "left-handed, +y up, +z forward: z is mirrored",
-                    "UnityGLTF until 2018, SchemaExtensions.cs, (1, 1, -1)",
+                    "UnityGLTF in its first form, CoordinateSpaceConversionScale (1, 1, -1)",
                 ),
-                Fact("A_l/π L_k times ±K_k: irradiance over π as a polynomial", "HDRP, SphericalHarmonics.cs"),
+                Fact("A_l/π K_k L_k: irradiance over π as a polynomial", "HDRP, SphericalHarmonics.cs"),
                 Fact("seven float4: (3, 1, 2, 0 - 6), (4, 5, 3·6, 7) of each colour, 8", "PackCoefficients, there"),
                 Fact("`ShadeSH9` adds the terms and is multiplied by the albedo alone", "UnityCG.cginc"),
                 Fact("Skybox/Panoramic: u = 1/2 - atan2(z, x) / 2π", "Skybox-Panoramic.shader, ToRadialCoords"),
@@ -47,7 +47,8 @@ CONVENTIONS: dict[str, Convention] = {
             turn=90,
             facts=(
                 Fact(
-                    "the importer mirrors x; all else is as for `unity`", "UnityGLTF, SchemaExtensions.cs, (-1, 1, 1)"
+                    "the importer mirrors x; all else is as for `unity`",
+                    "UnityGLTF, SchemaExtensions.cs, CoordinateSpaceConversionScale (-1, 1, 1)",
                 ),
                 Fact("a half turn about +y lies between this and `unity`", "follows from both"),
             ),
@@ -58,7 +59,7 @@ CONVENTIONS: dict[str, Convention] = {
             polynomial=True,
             turn=180,
             facts=(
-                Fact("A_l/π L_k K_k: irradiance over π as a polynomial", "libs/ibl/src/CubemapSH.cpp"),
+                Fact("A_l/π K_k L_k: irradiance over π as a polynomial", "libs/ibl/src/CubemapSH.cpp"),
                 Fact(
                     "added up by `Irradiance_SphericalHarmonics`, times the diffuse colour", "surface_light_indirect.fs"
                 ),
@@ -123,7 +124,7 @@ CONVENTIONS: dict[str, Convention] = {
         ),
         Convention(
             *("pifu", "PIFu, ICON, PaMIR, ECON", ("x", "y", "z"), (3, 3), False),
-            pi="done in the light, for nobody else does",
+            pi="the light, as we write it",
             scale=1.0 / math.pi,
             facts=(
                 Fact("transfer is the integral of V cos Y without 1/π", f"{_PIFU}, computePRT"),

@@ -1,5 +1,6 @@
 """`gash convert`: lights and transfers in the numbers of other programs and back, and as glTF for engines."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -79,6 +80,8 @@ def _check_options(source: Path, target: str | None, origin: str | None, asset: 
         raise click.UsageError("a map is turned for a program: give --to NAME")
     if not asset and (options["weld"] or options["attributes"] != "sh" or options["store"] != "float"):
         raise click.UsageError("--attributes, --store and --weld say how a .glb is written: name the output so")
+    if options["bands"] and (origin or source.suffix.lower() in MAPS):
+        raise click.UsageError("--bands cuts our own lights and transfers: leave it out")
     if options["weld"] and options["weld"].suffix.lower() != ".npz":
         raise click.UsageError("--weld is the name of a file to write: let it end in .npz")
     if options["mesh"] and not asset and target not in (None, "pifu"):
@@ -89,11 +92,13 @@ def _turn(source: Path, output: Path, target: str, quiet: bool) -> None:
     if output.suffix.lower() != ".hdr":
         raise FileError(f"{output}: a map that is turned is written as .hdr")
     picture = read_map(source)
-    layout, _ = layout_of(picture.radiance, picture.layout)
-    if layout != "latlong":
-        raise FileError(f"{source} is a map of the kind {layout}: only latlong maps are turned")
-    write_hdr(output, turn_map(picture.radiance, convention(target)))
-    say(f"wrote {output}: in {convention(target).title} every light is where {source} has it here", quiet)
+    with _naming(source):
+        layout, _ = layout_of(picture.radiance, picture.layout)
+        if layout != "latlong":
+            raise ValueError(f"a map of the kind {layout}, and only latlong maps are turned")
+        turned = turn_map(picture.radiance, convention(target))
+    write_hdr(output, turned)
+    say(f"wrote {output}: {convention(target).title} shows every light of it where we have those of {source}", quiet)
 
 
 def _read_back(source: Path, output: Path, origin: str, mesh_path: Path | None, quiet: bool) -> None:
@@ -113,10 +118,16 @@ def _read_back(source: Path, output: Path, origin: str, mesh_path: Path | None, 
     say(f"wrote {output}: a {'light' if isinstance(value, Light) else 'transfer'} in our conventions", quiet)
 
 
-def _load(source: Path, bands: int | None) -> Light | Transfer:
-    """A light or a transfer, cut to so many bands; error bars and gloss stay behind."""
-    _, metadata = read_npz(source, "transfer or light", ("coefficients",))
-    value = load_light(source, metadata["bands"]) if metadata.get("format") == LIGHT else load_transfer(source)
+def _load(source: Path, bands: int | None, quiet: bool) -> Light | Transfer:
+    """A light or a transfer, cut to so many bands; says that error bars and gloss stay behind."""
+    arrays, metadata = read_npz(source, "transfer or light", ("coefficients",))
+    if metadata.get("format") == LIGHT:
+        value = load_light(source, max(1, math.isqrt(arrays["coefficients"].size // 3)))
+    else:
+        value = load_transfer(source)
+    lost = [name for name in ("standard_error", "predicted_error", "visibility", "matrices") if name in arrays]
+    if lost:
+        say(f"  left behind: {', '.join(lost)}", quiet)
     if bands is None or bands == value.bands:
         return value
     if bands > value.bands:
@@ -131,7 +142,7 @@ def _load(source: Path, bands: int | None) -> Light | Transfer:
 def _asset(
     source: Path, output: Path, target: str | None, options: dict[str, Any], inputs: list[Path], quiet: bool
 ) -> None:
-    value = _load(source, options["bands"])
+    value = _load(source, options["bands"], quiet)
     if isinstance(value, Light):
         raise FileError(f"{source} is a light, and a .glb holds a transfer: write numbers instead, with --to NAME")
     if options["mesh"] and options["mesh"].suffix.lower() != ".glb":
@@ -144,8 +155,6 @@ def _asset(
             value = value._replace(coefficients=to_convention(value, target))
     how = options["attributes"], options["store"], weld, target or OURS
     asset = write_asset(output, value, options["mesh"], *how)
-    for note in _left_behind(value):
-        say(f"  {note}", quiet)
     rounding = f", rounded by {asset.error:.1e} at most" if options["store"] != "float" else ""
     say(f"wrote {output}: {asset.vertices} vertices, {' '.join(asset.attributes)}{rounding}", quiet)
     if weld:
@@ -153,19 +162,17 @@ def _asset(
 
 
 def _numbers(source: Path, output: Path, target: str, options: dict[str, Any], inputs: list[Path], quiet: bool) -> None:
-    value = _load(source, options["bands"])
+    value = _load(source, options["bands"], quiet)
     if options["mesh"] and isinstance(value, Light):
         raise FileError("--mesh says in which order PIFu's loader reads faces, and a light has none: leave it out")
-    corners = (
-        pifu_faces(options["mesh"], len(value.vertices)) if isinstance(value, Transfer) and options["mesh"] else None
-    )
+    corners = None
+    if isinstance(value, Transfer) and options["mesh"]:
+        corners = pifu_faces(options["mesh"], len(value.vertices))
     files = written_beside(output, value, target)
     for file in files:
         check_writable(file, inputs)
     with _naming(source):
         write_numbers(output, value, target, corners)
-    for note in _left_behind(value):
-        say(f"  {note}", quiet)
     say(f"wrote {' and '.join(map(str, files))} for {convention(target).title}", quiet)
 
 
@@ -178,11 +185,3 @@ def _naming(source: Path) -> Iterator[None]:
         raise
     except ValueError as error:
         raise FileError(f"{source}: {error}") from None
-
-
-def _left_behind(value: Light | Transfer) -> list[str]:
-    """What the other side has no place for."""
-    if isinstance(value, Light):
-        return []
-    names = [name for name in ("standard_error", "visibility", "matrices") if getattr(value, name) is not None]
-    return [f"left behind: {', '.join(names)}"] if names else []
