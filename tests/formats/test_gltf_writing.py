@@ -3,6 +3,7 @@
 import io
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def test_trimesh_reads_vertices_and_attributes() -> None:
     glb, places = mesh_glb(BALL)
     given = attributes(COUNT, "<f4")
     attach(glb, places, given, {})
-    loaded = trimesh.load(io.BytesIO(glb.content()), file_type="glb", process=False, maintain_order=True)
+    loaded: Any = trimesh.load(io.BytesIO(glb.content()), file_type="glb", process=False, maintain_order=True)
     (found,) = loaded.geometry.values()
     np.testing.assert_array_equal(found.vertices.astype(np.float32), BALL.vertices)
     np.testing.assert_array_equal(found.vertex_attributes["_SH0"], given[0].values)

@@ -45,7 +45,8 @@ def test_coloured_transfer(tmp_path: Path) -> None:
     for suffix in (".npz", ".json", ".npy"):
         write_numbers(tmp_path / f"c{suffix}", COLOURED, "unity")
         numbers, _ = read_numbers(tmp_path / f"c{suffix}", "unity")
-        np.testing.assert_allclose(gash_jax.from_convention(numbers, "unity"), COLOURED.coefficients, atol=1e-5)
+        back = np.asarray(gash_jax.from_convention(numbers, "unity"))
+        np.testing.assert_allclose(back, COLOURED.coefficients, atol=1e-5)
     with pytest.raises(FileError, match="a row of text has no place for red, green and blue"):
         write_numbers(tmp_path / "c.txt", COLOURED, "pifu")
 

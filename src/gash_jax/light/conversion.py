@@ -20,10 +20,10 @@ def to_convention(value: LightLike | TransferLike, name: str) -> np.ndarray:
     transfers. `name` is one of those in docs/light.md. Raises ValueError for bands that the other does not read.
 
     >>> light = gash_jax.project_light(np.ones((32, 64, 3)), bands=3)  # radiance 1 from everywhere
-    >>> gash_jax.to_convention(light, "unity")[0].round(3).tolist()  # irradiance over pi
-    [1.0, 1.0, 1.0]
-    >>> gash_jax.to_convention(light, "three")[0].round(3).tolist()  # 2 sqrt(pi)
-    [3.545, 3.545, 3.545]
+    >>> round(float(gash_jax.to_convention(light, "unity")[0, 0]), 3)  # irradiance over pi
+    1.0
+    >>> round(float(gash_jax.to_convention(light, "three")[0, 0]), 3)  # 2 sqrt(pi)
+    3.545
     """
     coefficients = _numbers(value.coefficients if isinstance(value, Light | Transfer) else value)
     return _along_bands(encoded, coefficients, convention(name), _kind(coefficients))
@@ -34,8 +34,8 @@ def from_convention(numbers: ArrayLike | Array, name: str) -> Light | np.ndarray
 
     >>> sun = np.zeros((9, 3))
     >>> sun[0], sun[1] = 0.25, 0.5  # Unity's L00 and L1-1: brighter from above
-    >>> gash_jax.from_convention(sun, "unity").coefficients[:4, 0].round(3).tolist()
-    [0.886, 1.535, 0.0, 0.0]
+    >>> [round(float(value), 3) for value in gash_jax.from_convention(sun, "unity").coefficients[:2, 0]]
+    [0.886, 1.535]
     """
     found = _numbers(numbers)
     kind = _kind(found)
