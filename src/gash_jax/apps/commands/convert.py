@@ -38,7 +38,7 @@ _NAMES = click.Choice(list(CONVENTIONS))
 @click.option("--to", "target", type=_NAMES, help="Write the numbers that this program has.")
 @click.option("--from", "origin", type=_NAMES, help="Read the numbers of this program, write a file of ours.")
 @click.option("--bands", type=click.IntRange(1, 10), help="Keep the first bands only.")
-@click.option("--mesh", "mesh", type=PATH, help="The mesh that was baked: a .glb to keep, or for PIFu the .obj.")
+@click.option("--mesh", "mesh", type=PATH, help="The mesh: a .glb to keep, for PIFu the .obj, with --from any.")
 @click.option(
     "--attributes",
     type=click.Choice(["sh", "uv"]),
@@ -47,7 +47,11 @@ _NAMES = click.Choice(list(CONVENTIONS))
     help="In a .glb: as _SH0 to _SH3, or as texture coordinates, which Unity can read.",
 )
 @click.option(
-    "--store", type=click.Choice(list(STORES)), default="float", show_default=True, help="In a .glb: bits of a number."
+    "--store",
+    type=click.Choice(list(STORES)),
+    default="float",
+    show_default=True,
+    help="In a .glb: what a number is stored in.",
 )
 @click.option(
     "--weld", type=PATH, help="Carry coefficients over by place; file to write: which vertex is which (.npz)."
