@@ -43,7 +43,7 @@ peers: $(PEERS)/.installed
 
 $(PEERS)/.installed: $(STAMP) requirements/peers.txt
 	@test -x $(PEERS)/bin/python || $(PYTHON) -m venv $(PEERS)
-	@echo "installing the locked packages, PyTorch Geometric and e3nn into $(PEERS) (3 minutes)"
+	@echo "installing the locked packages, PyTorch Geometric, e3nn and Dr.Jit into $(PEERS) (3 minutes)"
 	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt \
 	  -r requirements/$$($(PEERS)/bin/python -c 'import sys; print("lock-%d.%d.txt" % sys.version_info[:2])')
 	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .

@@ -25,6 +25,7 @@ GENERATED = (
     "docs/baking.md",
     "docs/choices.md",
     "docs/hard_cases.md",
+    "docs/light.md",
     "docs/model_cards.md",
     "docs/service.md",
     "docs/transport.md",

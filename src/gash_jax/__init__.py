@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
+    from gash_jax.light.conversion import from_convention, to_convention
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
     from gash_jax.light.studio import studio_light
@@ -66,6 +67,7 @@ _HOMES = {
     "prt.error_target": ("bake_to_error",),
     "prt.glossy": ("glossy_matrices",),
     "light.brdf": ("Lobe", "ggx", "phong"),
+    "light.conversion": ("from_convention", "to_convention"),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
@@ -90,6 +92,7 @@ __all__ = [
     "bake_transfer",
     "deforming_predictor",
     "embed_point",
+    "from_convention",
     "geometric_product",
     "ggx",
     "glossy_matrices",
@@ -119,6 +122,7 @@ __all__ = [
     "shade",
     "show",
     "studio_light",
+    "to_convention",
     "unshadowed_transfer",
     "write_hdr",
 ]

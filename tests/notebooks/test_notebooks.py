@@ -18,8 +18,8 @@ pytestmark = pytest.mark.filterwarnings(
 )
 
 
-def test_all_seven_are_there() -> None:
-    assert [path.stem[0] for path in NOTEBOOKS] == list("1234567")
+def test_all_eight_are_there() -> None:
+    assert [path.stem[0] for path in NOTEBOOKS] == list("12345678")
 
 
 @pytest.mark.slow

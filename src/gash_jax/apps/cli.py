@@ -16,6 +16,7 @@ COMMANDS = {
     "bake": "Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient.",
     "bench": "Speed against error on MESH: closed form, plain bakes, networks.",
     "compare": "Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more.",
+    "convert": "Write a light or a transfer the way another program reads it, and back: numbers, or a .glb file.",
     "corpus": "Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an "
     "interruption.",
     "demo": "Bake a mesh, predict it, relight it: a table of speed against error, and a picture.",

@@ -19,7 +19,7 @@ from gash_jax.formats.gltf_document import INSTANCING, Document, open_document, 
 from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
 
 MOST_VERTICES = 1 << 26
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_TRIANGLES, _STRIP, _FAN = SURFACES = 4, 5, 6  # modes of primitives; others are points and lines
 
 
 class Piece(NamedTuple):
@@ -184,7 +184,7 @@ def skin_place(document: Document, index: int, places: dict[int, np.ndarray]) ->
 def _triangles(document: Document, primitive: dict[str, Any], count: int) -> Int[np.ndarray, "f 3"] | None:
     """Triangles of a primitive in its own vertex numbers; None for points and lines."""
     mode = primitive.get("mode", _TRIANGLES)
-    if mode not in (_TRIANGLES, _STRIP, _FAN):
+    if mode not in SURFACES:
         return None
     if "indices" in primitive:
         indices = document.values(primitive["indices"])[:, 0].astype(np.int64)

@@ -79,7 +79,7 @@ def open_document(data: bytes, folder: Path) -> Document:
 
     Raises MeshError.
     """
-    document, binary = _split(data)
+    document, binary = split_document(data)
     _check_version(document)
     notes = _check_extensions(document)
     entries = document.get("buffers", ())
@@ -91,7 +91,7 @@ def open_document(data: bytes, folder: Path) -> Document:
 def named_files(data: bytes, folder: Path) -> list[Path]:
     """Files that a glTF document names, its buffers and pictures; none where it cannot be read."""
     try:
-        document, _ = _split(data)
+        document, _ = split_document(data)
         entries = [entry for kind in ("buffers", "images") for entry in document.get(kind, ())]
         addresses = [entry["uri"] for entry in entries if "uri" in entry]
         return [folder / unquote(uri) for uri in addresses if not uri.startswith("data:")]
@@ -106,7 +106,7 @@ def refuse_compressed(entry: dict[str, Any]) -> None:
             raise MeshError(f"the file is compressed with {name}: export it without compression")
 
 
-def _split(data: bytes) -> tuple[dict[str, Any], bytes | None]:
+def split_document(data: bytes) -> tuple[dict[str, Any], bytes | None]:
     """The JSON document and the binary chunk that follows it in a .glb."""
     if data[:4] != b"glTF":
         refuse_wide_text(data)

@@ -27,20 +27,14 @@ def read_obj(data: bytes) -> RawMesh:
     Raises MeshError.
     """
     characters, begins = _lines(data)
-    second = characters[np.minimum(begins + 1, len(characters) - 1)]
-    blank = second <= _BLANK
-    is_vertex = (characters[begins] == ord("v")) & blank
-    is_normal = (characters[begins] == ord("v")) & (second == ord("n"))
-    is_face = (characters[begins] == ord("f")) & blank
+    is_vertex, is_normal, is_face = _kinds(characters, begins)
     numbers, rows = parse_rows(_only(characters, begins, is_vertex, 1))
     vertices = leading_columns(numbers, rows, 3)
     colors = linear_rgb(leading_columns(numbers, rows, 6)[:, 3:]) if np.diff(rows).min(initial=6) >= 6 else None
     if len(vertices) != np.count_nonzero(is_vertex):
         raise MeshError("a `v` line without numbers: the file is damaged")
-    position, normal, line = _corners(_only(characters, begins, is_face, 1))
+    corners, normal, line, sizes = _polygons(characters, begins, is_vertex, is_face)
     face_lines = np.flatnonzero(is_face)[line]
-    corners = _resolve(position, np.searchsorted(np.flatnonzero(is_vertex), face_lines))
-    sizes = np.bincount(line, minlength=np.count_nonzero(is_face))
     faces, notes = triangulate(corners, sizes, vertices)
     named = normal != 0
     if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
@@ -51,6 +45,33 @@ def read_obj(data: bytes) -> RawMesh:
         raise MeshError("a face names a `vn` line that does not exist: export the file again")
     averaged, note = _at_vertices(corners[named], which, normals, len(vertices))
     return RawMesh(vertices, faces, averaged, notes + note, colors)
+
+
+def obj_polygons(data: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "p"]]:
+    """The `v` that the corners of all `f` lines name, one after the other, and how many each line has."""
+    characters, begins = _lines(data)
+    is_vertex, _, is_face = _kinds(characters, begins)
+    corners, _, _, sizes = _polygons(characters, begins, is_vertex, is_face)
+    return corners, sizes
+
+
+def _kinds(characters: np.ndarray, begins: Int[np.ndarray, "l"]) -> tuple[Bool[np.ndarray, "l"], ...]:
+    """Which lines are `v`, `vn` and `f` lines."""
+    first, second = characters[begins], characters[np.minimum(begins + 1, len(characters) - 1)]
+    blank = second <= _BLANK
+    return (first == ord("v")) & blank, (first == ord("v")) & (second == ord("n")), (first == ord("f")) & blank
+
+
+def _polygons(
+    characters: np.ndarray,
+    begins: Int[np.ndarray, "l"],
+    is_vertex: Bool[np.ndarray, "l"],
+    is_face: Bool[np.ndarray, "l"],
+) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "p"]]:
+    """Of each corner its position from 0, the number of its normal, its `f` line; and the corners of each line."""
+    position, normal, line = _corners(_only(characters, begins, is_face, 1))
+    before = np.searchsorted(np.flatnonzero(is_vertex), np.flatnonzero(is_face)[line])
+    return _resolve(position, before), normal, line, np.bincount(line, minlength=np.count_nonzero(is_face))
 
 
 def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:
