@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from gash_jax.light.brdf import Lobe, ggx, phong
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
+    from gash_jax.light.sky import sun_sky_light
+    from gash_jax.light.sources import constant_light, directional_light, sphere_light
     from gash_jax.light.studio import studio_light
+    from gash_jax.light.windows import light_window
     from gash_jax.models.deforming import deforming_predictor
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
@@ -70,6 +73,9 @@ _HOMES = {
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
     "light.shading": ("shade",),
+    "light.sky": ("sun_sky_light",),
+    "light.sources": ("constant_light", "directional_light", "sphere_light"),
+    "light.windows": ("light_window",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -88,12 +94,15 @@ __all__ = [
     "Transfer",
     "bake_to_error",
     "bake_transfer",
+    "constant_light",
     "deforming_predictor",
+    "directional_light",
     "embed_point",
     "geometric_product",
     "ggx",
     "glossy_matrices",
     "keep_compiled_programs",
+    "light_window",
     "load_animation",
     "load_config",
     "load_light",
@@ -118,7 +127,9 @@ __all__ = [
     "save_transfer",
     "shade",
     "show",
+    "sphere_light",
     "studio_light",
+    "sun_sky_light",
     "unshadowed_transfer",
     "write_hdr",
 ]

@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, check_layout, layout_option, light_option, quiet_option
+from gash_jax.apps.options import LIGHT_HELP, PATH, Command, check_layout, layout_option, light_option, quiet_option
 from gash_jax.apps.pictures.montage import Panel, montage, signed_colors, write_picture
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
@@ -24,9 +24,8 @@ from gash_jax.apps.tables import print_methods
 from gash_jax.files.atomic import write_json
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.light.environment import load_light, project_map
+from gash_jax.light.environment import load_light
 from gash_jax.light.shading import shade
-from gash_jax.light.studio import studio_light
 from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
@@ -45,7 +44,7 @@ UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the c
 @click.command(cls=Command, epilog="gash demo -o demo --mesh bunny.ply --light studio.hdr")
 @click.option("-o", "--output", type=PATH, default=Path("demo"), show_default=True, help="Folder to write.")
 @click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
-@light_option("Environment map (.hdr, .exr).  [default: a generated studio]")
+@light_option(f"{LIGHT_HELP}  [default: studio]")
 @layout_option
 @click.option(
     "--train",
@@ -60,7 +59,7 @@ def demo(
     """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
     started = time.perf_counter()
     check_layout(layout, light_path)
-    light = load_light(light_path, 3, layout).coefficients if light_path else project_map(studio_light(), 3)
+    light = load_light(light_path or "studio", 3, layout).coefficients
     name, surface, found_in_mesh = _surface(mesh)
     output.mkdir(parents=True, exist_ok=True)
     models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}
