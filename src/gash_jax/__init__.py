@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
+    from gash_jax.light.compression import (
+        Compressed,
+        compress_light,
+        compress_transfer,
+        expand_light,
+        expand_transfer,
+    )
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
     from gash_jax.light.sky import sun_sky_light
@@ -69,6 +76,13 @@ _HOMES = {
     "prt.error_target": ("bake_to_error",),
     "prt.glossy": ("glossy_matrices",),
     "light.brdf": ("Lobe", "ggx", "phong"),
+    "light.compression": (
+        "Compressed",
+        "compress_light",
+        "compress_transfer",
+        "expand_light",
+        "expand_transfer",
+    ),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
@@ -82,6 +96,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Animation",
+    "Compressed",
     "ConfigError",
     "FileError",
     "HealthReport",
@@ -94,10 +109,14 @@ __all__ = [
     "Transfer",
     "bake_to_error",
     "bake_transfer",
+    "compress_light",
+    "compress_transfer",
     "constant_light",
     "deforming_predictor",
     "directional_light",
     "embed_point",
+    "expand_light",
+    "expand_transfer",
     "geometric_product",
     "ggx",
     "glossy_matrices",

@@ -68,7 +68,7 @@ def _found(coefficients: np.ndarray) -> list[str]:
     least = least_share(coefficients)
     if least < -DIP:
         lines.append(
-            f"{round(len(coefficients) ** 0.5)} bands of it ring, down to {least:.2f} times the mean in some direction: "
+            f"its {round(len(coefficients) ** 0.5)} bands ring, down to {least:.2f} times the mean in a direction: "
             "gash render --window radiance damps that"
         )
     return lines
