@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, rotation_tables
+from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, light_tables, rotation_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -112,6 +112,10 @@ TABLES = (
     Table("docs/transport.md", "GLOSS GGX", gloss_tables.ggx_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS EIGENVALUES", gloss_tables.eigenvalue_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS COMPONENTS", gloss_tables.components_table, "gloss.json"),
+    Table("docs/light.md", "MAP SIZES", light_tables.map_sizes_table, "map_sizes.json"),
+    Table("docs/light.md", "WINDOWS", light_tables.kept_table, "windows.json"),
+    Table("docs/light.md", "WINDOWS ON MESHES", light_tables.shaded_table, "windows.json"),
+    Table("docs/light.md", "FEWER NUMBERS", light_tables.fewer_numbers_table, "fewer_numbers.json"),
     Table("docs/animation.md", "MAPS", animation_tables.maps_table, "geometry_images.json"),
     Table("docs/animation.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
     Table("docs/animation.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),

@@ -36,7 +36,7 @@ class Compressed(NamedTuple):
 
 
 def compress_transfer(transfer: TransferLike, numbers: WholeNumber | None = None, bits: WholeNumber = 8) -> Compressed:
-    """A transfer in `numbers` 5 or 4 a vertex in place of its three or more bands, or all if None; 8, 16 or 32 bits each.
+    """A transfer in 5 or 4 `numbers` a vertex for its three or more bands, or all if None, of 8, 16 or 32 `bits` each.
 
     Four numbers are exact where nothing is hidden. Works under jit and vmap. Raises ValueError for other counts and
     bits, and for less than three bands where there are to be 5 or 4.
@@ -61,7 +61,7 @@ def expand_transfer(compressed: Compressed) -> Float[Array, "v k *c"]:
 
 
 def compress_light(light: LightLike, numbers: WholeNumber | None = None, bits: WholeNumber = 8) -> Compressed:
-    """A light in `numbers` 5 or 4 a colour in place of its three or more bands, or all if None; 8, 16 or 32 bits each.
+    """A light in 5 or 4 `numbers` a colour for its three or more bands, or all if None, of 8, 16 or 32 `bits` each.
 
     Works under jit and vmap. Raises ValueError as `compress_transfer`.
 

@@ -89,7 +89,7 @@ def sphere_light(
     return _light((factors * evaluate_sh(safe_normalize(centre), bands))[:, None] * colour[None], bands, "sphere")
 
 
-def toward(azimuth: float, elevation: float) -> Float[np.ndarray, "3"]:
+def toward(azimuth: RealNumber, elevation: RealNumber) -> Float[np.ndarray, "3"]:
     """Unit direction of an azimuth and elevation in degrees (module docstring)."""
     a, e = np.radians(azimuth), np.radians(elevation)
     return np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
