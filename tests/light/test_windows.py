@@ -46,7 +46,10 @@ def random_light(seed: int, bands: int, tint: float = 0.5) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["radiance", "irradiance"])
 def test_it_is_the_least_that_a_scan_finds(bands: int, kind: str) -> None:
     """The first of 4000 strengths, by 20000 directions: the search is never above it nor a step below."""
-    light = random_light(3, bands)
+    suns = [
+        gash_jax.directional_light(*sun, bands) for sun in (([1, 2, 3], [3.0, 2, 2]), ([-1, 0.5, 0], [0.1, 0, 0.2]))
+    ]
+    light = np.sum([sun.coefficients for sun in suns], axis=0, dtype=np.float64)
     judged = light * (clamped_cosine_coefficients(bands) / np.pi)[:, None] if kind == "irradiance" else light
     steps = np.linspace(0.0, 1.0, 4001)
     band = np.arange(bands)
@@ -81,17 +84,14 @@ def test_what_it_leaves_is_nowhere_negative_and_touches_zero(bands: int, kind: s
         assert least_share(weaker, kind) < -DIP
 
 
-def test_it_is_not_the_first_dip_that_counts() -> None:
-    """Band 1 lifts where band 2 dips; damping band 2 first makes it dip elsewhere: not monotone, yet the least is."""
-    rng = np.random.default_rng(0)
-    changes = 0
-    for _ in range(40):
-        light = np.concatenate([np.ones((1, 1)), rng.normal(size=(15, 1)) * 0.6]).repeat(3, axis=1)
-        parts = _bands(light)
-        steps = np.geomspace(1e-4, 1, 60)
-        lows = np.array([np.tensordot(factors(4, lam)[[0, 1, 4, 9]], parts, 1).min() for lam in steps])
-        changes += bool((np.diff(lows) < -1e-6).any())
-    assert changes > 0
+def test_a_stronger_window_may_be_worse() -> None:
+    """1 + 1.66 z + 0.8 (3 z² - 1) / 2 is 0.6 + 1.66 z + 1.2 z², at least 0.026: no window. With lambda = 0.1 it is
+    1 - 1.66 / 1.4 + 0.8 / 4.6 = -0.012 at z = -1: where band 2 had lifted it, band 1 is damped less."""
+    light = np.zeros((9, 3))
+    light[[0, 2, 6]] = (np.array([1, 1.66, 0.8]) * np.sqrt(4 * np.pi / np.array([1, 3, 5])))[:, None]
+    assert least_share(light) == pytest.approx(0.6 - 1.66**2 / 4.8, abs=1e-4)
+    np.testing.assert_array_equal(light_window(light), 1.0)
+    assert least_share(light * factors(3, 0.1)[:, None]) == pytest.approx(1 - 1.66 / 1.4 + 0.8 / 4.6, abs=1e-4)
 
 
 def test_a_sun_by_hand() -> None:
@@ -155,7 +155,7 @@ def test_no_shadowed_vertex_of_a_bake_is_negative(seed: int) -> None:
 @pytest.mark.parametrize(("name", "first", "second"), [("grace_256", 0.80, 0.31), ("uffizi_256", 0.70, 0.21)])
 def test_what_known_maps_keep(name: str, first: float, second: float) -> None:
     window = light_window(gash_jax.load_light(shared_file(f"hdr/{name}.hdr")), "radiance")
-    assert (round(window[1], 2), round(window[4], 2)) == (first, second)
+    np.testing.assert_allclose(window[[1, 4]], [first, second], atol=0.0075)
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -168,13 +168,13 @@ def test_no_vertex_of_a_real_bake_is_negative_under_a_real_map(name: str) -> Non
 
 def test_shade_takes_the_name_and_leaves_the_light_alone() -> None:
     light = gash_jax.directional_light([0.0, 1, 0], bands=4)
-    transfer = gash_jax.unshadowed_transfer(np.array([[0.0, -1, 0]]), 3)
+    transfer = gash_jax.unshadowed_transfer(np.array([[0.8, -0.6, 0]]), 3)
     window = light_window(np.asarray(light.coefficients)[:9], "irradiance")  # of the bands that the transfer has
     np.testing.assert_array_equal(
         gash_jax.shade(transfer, light, window="irradiance"), gash_jax.shade(transfer, light, window=window)
     )
-    assert float(gash_jax.shade(transfer, light)[0, 0]) < -0.05
-    assert abs(float(gash_jax.shade(transfer, light, window="irradiance")[0, 0])) < 1e-5
+    assert float(gash_jax.shade(transfer, light)[0, 0]) < -0.03
+    assert float(gash_jax.shade(transfer, light, window="irradiance")[0, 0]) > 0
     traced = jax.jit(lambda c: gash_jax.shade(transfer, c, window=window))(light.coefficients)
     np.testing.assert_allclose(traced, gash_jax.shade(transfer, light, window=window), atol=1e-6)
     hann = jax.jit(lambda c: gash_jax.shade(transfer, c, window="hann"))(light.coefficients)
@@ -188,7 +188,6 @@ ANY: Any = gash_jax
     ("call", "words"),
     [
         (lambda: ANY.light_window(np.ones((9, 3)), "hamming"), "use hann, lanczos, irradiance, radiance"),
-        (lambda: ANY.light_window(np.ones((9, 3)), 3), "window is 3"),
         (lambda: ANY.light_window(np.full((9, 3), np.nan)), "not finite"),
         (lambda: ANY.light_window(-np.ones((9, 3))), "negative in a colour"),
         (lambda: ANY.light_window(np.eye(9)[:, 1:4]), "negative in a colour"),

@@ -63,13 +63,12 @@ def load_light(
         if layout is not None:
             raise LightError(f"{path} is a light file, which has no layout: leave the layout out")
         return _load_light_file(path, bands)
-    if path.suffix.lower() not in SUFFIXES and not path.exists():
-        light = named_light(str(path), bands)
-        if light is None:
-            raise LightError(f"no such file: {path}; lights by name are {', '.join(NAMES)}")
+    if not path.is_file() and (light := named_light(str(path), bands)):
         if layout is not None:
             raise LightError(f"{path} is no map and has no layout: leave the layout out")
         return light
+    if not path.exists() and path.suffix.lower() not in SUFFIXES:
+        raise LightError(f"no such file: {path}; lights by name are {', '.join(NAMES)}")
     # reading and projecting take about as long
     picture = read_map(path, progress and (lambda done, total: progress(done, 2 * total)))
     image = picture.radiance

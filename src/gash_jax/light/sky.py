@@ -119,7 +119,7 @@ def sky_radiance(
 
 def perez(
     up: Float[np.ndarray, "*n"] | float, along: Float[np.ndarray, "*n"] | float, coefficients: Float[np.ndarray, "5"]
-) -> Float[np.ndarray, "*n"]:
+) -> Float[np.ndarray, "*n"] | float:
     """F of a direction with the cosine `up` to the zenith and `along` to the sun (module docstring)."""
     a, b, c, d, e = coefficients
     return (1 + a * np.exp(b / up)) * (1 + c * np.exp(d * np.arccos(along)) + e * np.square(along))

@@ -23,6 +23,7 @@ import math
 from functools import cache, partial
 
 import numpy as np
+from jax import Array
 from jax.core import Tracer
 from jaxtyping import Float, Int
 
@@ -49,10 +50,10 @@ def light_window(light: LightLike, kind: str = "radiance") -> Float[np.ndarray, 
     >>> sun = gash_jax.directional_light([0.0, 1.0, 0.0])
     >>> least = gash_jax.light_window(sun, "irradiance")
     >>> [round(float(factor), 3) for factor in least[[0, 1, 4]]]
-    [1.0, 0.889, 0.471]
+    [1.0, 0.584, 0.135]
     >>> shaded = gash_jax.shade(gash_jax.bake_transfer("bunny.ply", rays=64), sun, window="radiance")
     """
-    if not isinstance(kind, str) or kind not in WINDOWS:
+    if kind not in WINDOWS:
         raise ValueError(f"window is {shown(kind)}: use {', '.join(WINDOWS)}, or a factor for each coefficient")
     coefficients = light_coefficients(light)
     bands = bands_of(len(coefficients))
@@ -60,13 +61,13 @@ def light_window(light: LightLike, kind: str = "radiance") -> Float[np.ndarray, 
         return (hann_window if kind == "hann" else lanczos_window)(bands, bands)
     if isinstance(coefficients, Tracer):
         raise ValueError(f"the window {kind!r} is searched for: make it with light_window outside of jit, give numbers")
-    return _factors(bands, _least_lambda(seen_by(coefficients, kind)))
+    return _factors(bands, _least_lambda(_seen_by(coefficients, kind)))
 
 
 def least_share(light: LightLike, kind: str = "radiance") -> float:
     """The least radiance (or `irradiance` / pi) of a light in any direction and colour, as a share of the colour's
     mean; 0 for a black light, -inf where a mean is negative."""
-    radiance = seen_by(light_coefficients(light), kind)
+    radiance = _seen_by(light_coefficients(light), kind)
     lit = radiance[:, np.any(radiance != 0, axis=0)]
     if not lit.size:
         return 0.0
@@ -79,7 +80,7 @@ def kept(window: Float[np.ndarray, "k"]) -> str:
     return " and ".join(parts) or "everything: there is one band"
 
 
-def seen_by(coefficients: Float[np.ndarray, "k 3"], kind: str) -> Float[np.ndarray, "k 3"]:
+def _seen_by(coefficients: Float[Array | np.ndarray, "k 3"], kind: str) -> Float[np.ndarray, "k 3"]:
     """The coefficients of what must not be negative, float64."""
     values = np.asarray(coefficients, np.float64)
     if not np.isfinite(values).all():

@@ -24,8 +24,9 @@ from gash_jax.apps.tables import print_methods
 from gash_jax.files.atomic import write_json
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.light.environment import load_light
+from gash_jax.light.environment import load_light, project_map
 from gash_jax.light.shading import shade
+from gash_jax.light.studio import studio_light
 from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
@@ -59,7 +60,7 @@ def demo(
     """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
     started = time.perf_counter()
     check_layout(layout, light_path)
-    light = load_light(light_path or "studio", 3, layout).coefficients
+    light = load_light(light_path, 3, layout).coefficients if light_path else project_map(studio_light(), 3)
     name, surface, found_in_mesh = _surface(mesh)
     output.mkdir(parents=True, exist_ok=True)
     models = _train_all(output, seconds, quiet) if seconds else {name: load_model(name) for name in MODELS}
