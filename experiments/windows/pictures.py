@@ -27,7 +27,7 @@ def main(output: Path | None, meshes: Path | None, maps: Path | None, quick: boo
     size, panels = 64 if quick else 260, []
     for name, mesh in chosen_meshes(meshes, quick).items():
         transfer = np.asarray(bake_transfer(mesh, 3, 64 if quick else 256).coefficients)
-        hit = cast_view(mesh, CAMERAS.get(name, "front"), size)
+        hit = cast_view(mesh, CAMERAS.get(name, "back"), size)
         for source, light in found.items():
             factors = {kind: window(light, kind) for kind in KINDS}
             images = {k: shade_view(hit, transfer @ (light * w[:, None])) for k, w in factors.items()}

@@ -39,7 +39,7 @@ def test_a_light_by_name_is_written_and_described(folder: Path, capsys: pytest.C
 
 
 def test_a_map_that_is_upside_down_is_noticed(folder: Path, capsys: pytest.CaptureFixture) -> None:
-    sky = np.repeat(np.clip(pixel_directions(16, 32)[..., 1:], 0, 1) + 0.1, 3, axis=-1).astype(np.float32)
+    sky = np.repeat(np.clip(pixel_directions(16, 32)[..., 1:2], 0, 1) + 0.1, 3, axis=-1).astype(np.float32)
     write_hdr("sky.hdr", sky)
     write_hdr("turned.hdr", sky[::-1])
     run("light", "sky.hdr", "-o", "l.npz")

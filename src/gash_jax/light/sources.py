@@ -34,9 +34,9 @@ def constant_light(radiance: RealNumber | ArrayLike | Array = 1.0, bands: WholeN
 
     Works under jit, vmap and grad. Raises ValueError for other shapes and negative numbers.
 
-    >>> sky = gash_jax.constant_light([0.5, 0.7, 1.0])
-    >>> [round(float(value), 4) for value in sky.coefficients[0]]
-    [1.7725, 2.4815, 3.5449]
+    >>> sky = gash_jax.constant_light([0.5, 0.75, 1.0])
+    >>> [round(float(value), 3) for value in sky.coefficients[0]]
+    [1.772, 2.659, 3.545]
     """
     bands, colour = validate_bands(bands), checked_colour("radiance", radiance)
     rest = jnp.zeros((bands**2 - 1, 3), colour.dtype)
