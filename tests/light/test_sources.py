@@ -60,7 +60,7 @@ def test_sphere_light_is_the_integral_over_its_disk(angle: float) -> None:
     local = np.stack(
         np.broadcast_arrays(sine * np.cos(azimuth[:, None]), sine * np.sin(azimuth[:, None]), 1 - fall), -1
     )
-    turn, _ = Rotation.align_vectors([axis], [[0, 0, 1]])
+    turn = Rotation.align_vectors([axis], [[0, 0, 1]])[0]
     basis = np.asarray(evaluate_sh(turn.apply(local.reshape(-1, 3)), 8), np.float64).reshape(24, 12, -1)
     expected = np.einsum("anj,n->j", basis, weights * np.sin(half / 2) ** 2) * 2 * np.pi / 24
     found = sphere_light(10 * axis, 10 * np.sin(half), [1.0, 2.0, 0.0], 8).coefficients

@@ -28,10 +28,15 @@ def factors(bands: int, lam: float) -> np.ndarray:
     return 1 / (1 + lam * (band * (band + 1.0)) ** 2)
 
 
+def harmonics(bands: int) -> np.ndarray:
+    x, y, z = FINE.T
+    return np.stack(sh_components(x, y, z, bands), -1)
+
+
 def seen(light: np.ndarray) -> np.ndarray:
     """Radiance over its mean in many directions."""
     bands = round(len(light) ** 0.5)
-    return np.stack(sh_components(*FINE.T, bands), -1) @ light / (light[0] / (2 * np.sqrt(np.pi)))
+    return harmonics(bands) @ light / (light[0] / (2 * np.sqrt(np.pi)))
 
 
 def random_light(seed: int, bands: int, tint: float = 0.5) -> np.ndarray:
@@ -53,7 +58,7 @@ def test_it_is_the_least_that_a_scan_finds(bands: int, kind: str) -> None:
     judged = light * (clamped_cosine_coefficients(bands) / np.pi)[:, None] if kind == "irradiance" else light
     steps = np.linspace(0.0, 1.0, 4001)
     band = np.arange(bands)
-    parts = _bands(judged)
+    parts = _bands(np.asarray(judged))
     first = next(lam for lam in steps if np.tensordot(factors(bands, lam)[band**2], parts, 1).min() >= -DIP)
     found = strength(light_window(light, kind))
     assert first - 2 * steps[1] <= found <= first + 2 * steps[1]
@@ -63,7 +68,7 @@ def test_it_is_the_least_that_a_scan_finds(bands: int, kind: str) -> None:
 def _bands(light: np.ndarray) -> np.ndarray:
     """Each band of a light over the mean, in many directions."""
     bands = round(len(light) ** 0.5)
-    basis = np.stack(sh_components(*FINE.T, bands), -1)
+    basis = harmonics(bands)
     mean = light[0] / (2 * np.sqrt(np.pi))
     return np.stack([basis[:, b * b : (b + 1) ** 2] @ light[b * b : (b + 1) ** 2] / mean for b in range(bands)])
 

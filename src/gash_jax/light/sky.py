@@ -113,7 +113,7 @@ def sky_radiance(
             [_zenith_luminance(s, turbidity), *chromaticities], _PEREZ @ [turbidity, 1.0], strict=True
         )
     )
-    xyz = np.stack([x, y, 1.0 - x - y], axis=-1) * (luminance / y)[..., None]
+    xyz = np.stack([x, y, 1.0 - x - y], axis=-1) * np.asarray(luminance / y)[..., None]
     return xyz @ xyz_to_rec_709().T
 
 

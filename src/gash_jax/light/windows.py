@@ -148,7 +148,7 @@ def _least(light: Float[np.ndarray, "k c"]) -> float:
         around = spacing / 3.0**zoom * np.stack([right, up, 0.0 * up])
         near = centre[:, None] + np.einsum("nij,jg->ngi", np.asarray(orthonormal_frame(centre)), around)
         near /= np.linalg.norm(near, axis=-1, keepdims=True)
-        harmonics = np.stack(sh_components(*np.moveaxis(near, -1, 0), bands), axis=-1)
+        harmonics = _evaluated(near, bands)
         found = np.matmul(harmonics, colours.T[..., None])[..., 0]
         centre = near[np.arange(len(near)), np.argmin(found, axis=1)]
     return float(np.min(found))
@@ -156,12 +156,17 @@ def _least(light: Float[np.ndarray, "k c"]) -> float:
 
 @cache
 def _basis(bands: int) -> Float[np.ndarray, "n k"]:
-    return np.stack(sh_components(*spherical_fibonacci(_DIRECTIONS).T, bands), axis=-1)
+    return _evaluated(spherical_fibonacci(_DIRECTIONS), bands)
+
+
+def _evaluated(directions: Float[np.ndarray, "*n 3"], bands: int) -> Float[np.ndarray, "*n k"]:
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return np.stack(sh_components(x, y, z, bands), axis=-1)
 
 
 @cache
 def _neighbours() -> Int[np.ndarray, "n 8"]:
-    from scipy.spatial import cKDTree  # not needed until a window is searched for
+    from scipy.spatial import KDTree  # not needed until a window is searched for
 
     directions = spherical_fibonacci(_DIRECTIONS)
-    return cKDTree(directions).query(directions, 9)[1][:, 1:]
+    return KDTree(directions).query(directions, 9)[1][:, 1:]
