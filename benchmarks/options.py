@@ -15,6 +15,7 @@ from gash_jax.files.atomic import write_json
 SHARED: dict[str, dict[str, Any]] = {
     "output": {"type": Path, "help": "write the figures to this JSON file"},
     "meshes": {"type": Path, "metavar": "FOLDER", "help": "with .ply files; without it, only generated meshes"},
+    "maps": {"type": Path, "metavar": "FOLDER", "help": "with .hdr maps; without it, lights from code"},
     "quick": {"action": "store_true", "help": "small generated meshes, few rays: to see that it runs"},
     "runs": {"type": Path, "metavar": "FOLDER", "help": "with the trained networks", "default": "runs/neural_gash"},
     "model": {"help": "a network: the name of one that ships, or a file", "default": "local"},

@@ -48,7 +48,12 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a mesh as transfer": (lambda: ANY.shade(MESH, LIGHT), "what a bake or a model returns"),
     "albedo in words": (lambda: ANY.shade(TRANSFER, LIGHT, albedo="white"), r"give numbers \(3,\)"),
     "albedo ragged": (lambda: ANY.shade(TRANSFER, LIGHT, albedo=RAGGED), r"give numbers \(3,\)"),
-    "window in words": (lambda: ANY.shade(TRANSFER, LIGHT, window="hann"), r"give numbers \(9,\)"),
+    "window in other words": (lambda: ANY.shade(TRANSFER, LIGHT, window="box"), "hann, lanczos, irradiance, radiance"),
+    "window of truth values": (lambda: ANY.shade(TRANSFER, LIGHT, window=[True] * 9), r"give numbers \(9,\)"),
+    "window of a negative light": (
+        lambda: ANY.shade(TRANSFER, LIGHT, window="radiance"),
+        "mean of the light is negative",
+    ),
     "rotation ragged": (lambda: ANY.rotate_light(LIGHT, RAGGED), "rotation matrix"),
     "rotation in words": (lambda: ANY.rotate_light(LIGHT, "x"), "rotation matrix"),
     "traced rotation": (lambda: jax.jit(lambda r: ANY.rotate_light(LIGHT, r))(jnp.eye(4)), "rotation matrix"),

@@ -25,9 +25,19 @@ if TYPE_CHECKING:
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
     from gash_jax.light.conversion import from_convention, to_convention
+    from gash_jax.light.compression import (
+        Compressed,
+        compress_light,
+        compress_transfer,
+        expand_light,
+        expand_transfer,
+    )
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
     from gash_jax.light.shading import shade
+    from gash_jax.light.sky import sun_sky_light
+    from gash_jax.light.sources import constant_light, directional_light, sphere_light
     from gash_jax.light.studio import studio_light
+    from gash_jax.light.windows import light_window
     from gash_jax.models.deforming import deforming_predictor
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
@@ -68,16 +78,27 @@ _HOMES = {
     "prt.glossy": ("glossy_matrices",),
     "light.brdf": ("Lobe", "ggx", "phong"),
     "light.conversion": ("from_convention", "to_convention"),
+    "light.compression": (
+        "Compressed",
+        "compress_light",
+        "compress_transfer",
+        "expand_light",
+        "expand_transfer",
+    ),
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
     "light.shading": ("shade",),
+    "light.sky": ("sun_sky_light",),
+    "light.sources": ("constant_light", "directional_light", "sphere_light"),
+    "light.windows": ("light_window",),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Animation",
+    "Compressed",
     "ConfigError",
     "FileError",
     "HealthReport",
@@ -90,13 +111,20 @@ __all__ = [
     "Transfer",
     "bake_to_error",
     "bake_transfer",
+    "compress_light",
+    "compress_transfer",
+    "constant_light",
     "deforming_predictor",
+    "directional_light",
     "embed_point",
     "from_convention",
+    "expand_light",
+    "expand_transfer",
     "geometric_product",
     "ggx",
     "glossy_matrices",
     "keep_compiled_programs",
+    "light_window",
     "load_animation",
     "load_config",
     "load_light",
@@ -121,8 +149,10 @@ __all__ = [
     "save_transfer",
     "shade",
     "show",
+    "sphere_light",
     "studio_light",
     "to_convention",
+    "sun_sky_light",
     "unshadowed_transfer",
     "write_hdr",
 ]

@@ -110,7 +110,7 @@ def test_band_limited_maps_return_their_coefficients() -> None:
 def test_blocks_of_rows_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     image = np.random.default_rng(1).random((30, 60, 3))
     whole = project_map(image, 4)
-    monkeypatch.setattr("gash_jax.light.environment._BLOCK_PIXELS", 7 * 60)
+    monkeypatch.setattr("gash_jax.light.projection._BLOCK_PIXELS", 7 * 60)
     np.testing.assert_allclose(project_map(image, 4), whole, atol=1e-6)
 
 

@@ -1,10 +1,14 @@
 """Integrals over the hemisphere of a normal in closed form, and the transfer of a vertex that nothing shadows.
 
 A kernel that depends on the cosine z = n.w alone has the coefficients K_l Y_lm(n), K_l = 2 pi times the integral of
-its value times the Legendre polynomial P_l(z) over z (Funk & Hecke). Two kernels occur:
+its value times the Legendre polynomial P_l(z) over z (Funk & Hecke). Three kernels occur:
 
-    clamped cosine   max(z, 0)        A_l  (Ramamoorthi & Hanrahan 2001, eq. 8)
-    hemisphere       1 for z > 0      H_l
+    clamped cosine   max(z, 0)          A_l  (Ramamoorthi & Hanrahan 2001, eq. 8)
+    hemisphere       1 for z > 0        H_l
+    cap              1 for z > cos a    4 pi sin²(a/2), then 2 pi sin² a P_l'(cos a) / (l (l + 1))
+
+The last is the integral of Legendre's equation ((1 - z²) P_l')' + l (l + 1) P_l = 0; it keeps its digits however small
+the half-angle a is.
 
 Unshadowed transfer is t_lm = A_l / pi Y_lm(n): a formula, never sampled.
 """
@@ -17,7 +21,7 @@ from jax import Array
 from jaxtyping import Float
 
 from gash_jax.algebra.arguments import ArrayLike, WholeNumber, as_array, is_real
-from gash_jax.algebra.sh import band_index, evaluate_sh, validate_bands
+from gash_jax.algebra.sh import band_index, evaluate_sh, legendre_functions, validate_bands
 
 
 def _existing(band: int) -> None:
@@ -53,6 +57,21 @@ def hemisphere(band: int) -> float:
         return 2.0 * math.pi if band == 0 else 0.0
     half = (band - 1) // 2
     return 2.0 * math.pi * (-1) ** half * (math.comb(band - 1, half) / 2 ** (band - 1)) / (band + 1)
+
+
+def cap(bands: int, half_angle: float | Float[Array, ""]) -> Float[Array, " b"]:
+    """Factors of a cap of half-angle a (radians) in the bands l = 0 .. bands - 1; a = pi / 2 is the hemisphere.
+
+    P_l' = P_(l-1)' z + l P_(l-1) (Abramowitz & Stegun, from 8.5.3 and 8.5.4). Works under jit, vmap and grad.
+    """
+    angle = jnp.asarray(half_angle, jnp.float32)
+    z, one = jnp.cos(angle), jnp.ones_like(angle)
+    legendre = legendre_functions(z, one, validate_bands(bands), 0)
+    factors, slope = [4.0 * math.pi * jnp.sin(angle / 2.0) ** 2], 0.0 * one
+    for band in range(1, bands):
+        slope = slope * z + band * legendre[band - 1]
+        factors.append(2.0 * math.pi * jnp.sin(angle) ** 2 * slope / (band * (band + 1)))
+    return jnp.stack(factors)
 
 
 def zero_without_normal(

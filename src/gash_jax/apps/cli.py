@@ -24,7 +24,7 @@ COMMANDS = {
     "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
     "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "
     "wrote.",
-    "light": "Project an environment map (.hdr, .exr) to spherical harmonics.",
+    "light": "Project an environment map (.hdr, .exr), or a light by name, to spherical harmonics.",
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",
     "predict": "Predict the transfer of MESH with a network: no rays.",
     "render": "Relight TRANSFER and write a picture (.png, .jpg) of several views.",

@@ -9,6 +9,7 @@ import click
 from gash_jax.light.layouts import LAYOUTS
 
 PATH = click.Path(path_type=Path)
+LIGHT_HELP = "Environment map (.hdr, .exr), light (.npz), or a light by name, such as studio or sun-sky:elevation=30."
 CommandFunction = TypeVar("CommandFunction", bound=Callable[..., Any])
 
 

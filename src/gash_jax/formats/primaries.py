@@ -29,6 +29,11 @@ def to_rec_709(chromaticities: Float[np.ndarray, "8"]) -> Float[np.ndarray, "3 3
     return matrix
 
 
+def xyz_to_rec_709() -> Float[np.ndarray, "3 3"]:
+    """Matrix from CIE XYZ to linear Rec. 709; luminance Y = 1 with the chromaticity of white gives (1, 1, 1)."""
+    return np.linalg.inv(_to_xyz(REC_709)[0])
+
+
 def in_rec_709(
     image: Float[np.ndarray, "h w 3"], chromaticities: Float[np.ndarray, "8"]
 ) -> tuple[Float[np.ndarray, "h w 3"], tuple[str, ...]]:

@@ -2,8 +2,8 @@
 
 radiance_c = albedo_c * sum_k t_kc w_k L_kc with transfer t, one for all colours or one for each, radiance
 coefficients L and an optional window w. The transfer holds the 1/pi of the diffuse reflection, so constant light of
-radiance 1 shades an unoccluded vertex to exactly 1. Windows (see `gash_jax.algebra.sh`) damp the ringing of small
-bright lights; they act here, never in files. With a lobe the radiance is what a glossy surface reflects towards a
+radiance 1 shades an unoccluded vertex to exactly 1. Windows (`windows`) damp the ringing of small bright lights; they
+act here, never in files. With a lobe the radiance is what a glossy surface reflects towards a
 viewer instead (`gloss`).
 """
 
@@ -13,8 +13,9 @@ from jaxtyping import Float
 
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real, shown
 from gash_jax.light.brdf import Lobe
-from gash_jax.light.environment import LightLike, light_coefficients
+from gash_jax.light.container import LightLike, light_coefficients
 from gash_jax.light.gloss import glossy_radiance
+from gash_jax.light.windows import light_window
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
 
 
@@ -22,7 +23,7 @@ def shade(
     transfer: TransferLike,
     light: LightLike,
     albedo: ArrayLike | Array | None = None,
-    window: ArrayLike | Array | None = None,
+    window: str | ArrayLike | Array | None = None,
     *,
     view: ArrayLike | Array | None = None,
     lobe: Lobe | None = None,
@@ -31,8 +32,9 @@ def shade(
 
     `transfer` is a Transfer or coefficients (v, k) or (v, k, 3), `light` a Light or coefficients (j, 3); a light with
     more bands than the transfer is cut to those of the transfer. `albedo` is one colour (3,) or one per vertex (v, 3),
-    white if None; `window` one factor per transfer coefficient (k,). Raises ValueError for other shapes, and if the
-    light has fewer bands than the transfer: project it again with as many.
+    white if None; `window` one factor per transfer coefficient (k,), or the kind of a window for this light in as many
+    bands as the transfer has, as `light_window` knows them. Raises ValueError for other shapes, and if the light has
+    fewer bands than the transfer: project it again with as many.
 
     `lobe` (`phong`, `ggx`) makes it the radiance that a glossy surface reflects towards `view`, the position of a
     camera (3,) or a direction towards the viewer for each vertex (v, 3); the transfer must be a glossy bake, and
@@ -51,15 +53,15 @@ def shade(
     radiance = jnp.asarray(light_coefficients(light))
     count = coefficients.shape[1]
     factors = None if albedo is None else _factors("albedo", albedo, [(3,), (len(coefficients), 3)])
-    damping = None if window is None else _factors("window", window, [(count,)])
     if radiance.shape[0] < count:
         raise ValueError(
             f"the light has {radiance.shape[0]} coefficients, the transfer {count}: "
             f"project the light again with {round(count**0.5)} bands"
         )
     radiance = radiance[:count]
-    if damping is not None:
-        radiance = radiance * damping.astype(radiance.dtype)[:, None]
+    if window is not None:
+        named = light_window(radiance, window) if isinstance(window, str) else window
+        radiance = radiance * _factors("window", named, [(count,)]).astype(radiance.dtype)[:, None]
     if lobe is not None:
         leaving = glossy_radiance(transfer, radiance, view, lobe)
     elif view is not None:

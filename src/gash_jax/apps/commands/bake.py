@@ -42,7 +42,7 @@ from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
 @click.option("--rays", type=click.IntRange(1, 1 << 20), help="Rays per vertex.  [default: 256]")
 @click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
 @click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
-@light_option("With --auto: the light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz).")
+@light_option("With --auto: the light that decides the bands, by the radiance of the mesh under it (map or name).")
 @layout_option
 @click.option(
     "--replicates",

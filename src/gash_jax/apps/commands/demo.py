@@ -15,7 +15,7 @@ from typing import Any
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, check_layout, layout_option, light_option, quiet_option
+from gash_jax.apps.options import LIGHT_HELP, PATH, Command, check_layout, layout_option, light_option, quiet_option
 from gash_jax.apps.pictures.montage import Panel, montage, signed_colors, write_picture
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb
 from gash_jax.apps.printing import say
@@ -45,7 +45,7 @@ UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the c
 @click.command(cls=Command, epilog="gash demo -o demo --mesh bunny.ply --light studio.hdr")
 @click.option("-o", "--output", type=PATH, default=Path("demo"), show_default=True, help="Folder to write.")
 @click.option("--mesh", type=PATH, help="Mesh to predict.  [default: one that the project generates]")
-@light_option("Environment map (.hdr, .exr).  [default: a generated studio]")
+@light_option(f"{LIGHT_HELP}  [default: studio]")
 @layout_option
 @click.option(
     "--train",

@@ -29,7 +29,7 @@ from gash_jax.prt.plan import plan_bake
 
 @click.command(cls=Command, epilog="gash plan bunny.ply --light studio.hdr --error 0.02")
 @click.argument("mesh", type=PATH)
-@light_option("Light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz).")
+@light_option("Light that decides the bands, by the radiance of the mesh under it (.hdr, .exr, .npz, or a name).")
 @layout_option
 @click.option("--error", type=float, help="Relative error to reach, 0.001 to 1.  [default: 0.02]")
 @bounces_option

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from gash_jax.apps.options import PATH, Command, layout_option, output_option, quiet_option
+from gash_jax.apps.options import LIGHT_HELP, PATH, Command, layout_option, output_option, quiet_option
 from gash_jax.apps.pictures.montage import check_picture, montage, write_picture
 from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb, toward_camera
 from gash_jax.apps.printing import say
@@ -15,12 +15,13 @@ from gash_jax.files.atomic import check_writable
 from gash_jax.light.brdf import Lobe, ggx, phong
 from gash_jax.light.environment import load_light, rotate_light
 from gash_jax.light.shading import shade
+from gash_jax.light.windows import DIP, WINDOWS, kept, light_window
 from gash_jax.prt.transfer import load_transfer
 
 
 @click.command(cls=Command, epilog="gash render bunny.npz --light studio.hdr -o bunny.png --view front --view back")
 @click.argument("transfer", type=PATH)
-@click.option("--light", "light_path", required=True, type=PATH, help="Environment map (.hdr, .exr) or light (.npz).")
+@click.option("--light", "light_path", required=True, type=PATH, help=LIGHT_HELP)
 @layout_option
 @rotate_option
 @output_option
@@ -35,6 +36,11 @@ from gash_jax.prt.transfer import load_transfer
 )
 @click.option("--exponent", type=float, help="Glossy: Phong's exponent, 0 or more. TRANSFER from gash bake --glossy.")
 @click.option("--roughness", type=float, help="Glossy: GGX of this roughness, 0 to 1, as in glTF.")
+@click.option(
+    "--window",
+    type=click.Choice(WINDOWS),
+    help="Damp the light's ringing; radiance and irradiance do it as little as they can.  [default: none]",
+)
 @click.option("--size", type=click.IntRange(16, 4096), default=512, show_default=True, help="Pixels per view.")
 @quiet_option
 def render(
@@ -46,6 +52,7 @@ def render(
     views: tuple[str, ...],
     exponent: float | None,
     roughness: float | None,
+    window: str | None,
     size: int,
     quiet: bool,
 ) -> None:
@@ -59,19 +66,34 @@ def render(
     for note in light.metadata.get("notes", []):
         say(f"  {note}", quiet)
     light = light if turn is None else rotate_light(light, turn)
-    diffuse = np.asarray(shade(lit, light)) if lobe is None else None  # the same for every view
+    factors = None if window is None else light_window(light, window)
+    if factors is not None:
+        say(f"  window {window} keeps {kept(factors)}", quiet)
+    diffuse = np.asarray(shade(lit, light, window=factors)) if lobe is None else None  # the same for every view
     images = []
     with progress_bar("rendering", quiet) as update:
         for step, view in enumerate(views):
             radiance = diffuse
             if radiance is None:
-                radiance = np.asarray(shade(lit, light, view=toward_camera(lit.mesh, view), lobe=lobe))
+                radiance = np.asarray(shade(lit, light, window=factors, view=toward_camera(lit.mesh, view), lobe=lobe))
             images.append(shade_view(cast_view(lit.mesh, view, size), radiance))
             update(step + 1, len(views))
     exposure = exposure_for(images)
     panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
     write_picture(output, montage(panels))
+    if below := _negative(images):
+        advice = "" if window == "radiance" or lobe else "; --window radiance avoids it"
+        say(f"  {below}: drawn black{advice}", quiet)
     say(f"wrote {output} ({len(views)} views, {size} pixels each)", quiet)
+
+
+def _negative(images: list[tuple[np.ndarray, np.ndarray]]) -> str:
+    """How many pixels of the mesh are negative in a colour, by more than a window leaves; "" if none is."""
+    pixels = np.concatenate([image[covered > 0] for image, covered in images])
+    below = pixels.min(axis=-1, initial=0.0) < -DIP * np.abs(pixels).mean() if pixels.size else np.zeros(0, bool)
+    if not below.any():
+        return ""
+    return f"{below.sum()} of {len(pixels)} pixels of the mesh are negative in a colour ({below.mean():.1%})"
 
 
 def _lobe(exponent: float | None, roughness: float | None) -> Lobe | None:

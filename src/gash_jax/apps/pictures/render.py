@@ -35,6 +35,7 @@ def render(
     size: WholeNumber = 512,
     albedo: ArrayLike | Array | None = None,
     lobe: Lobe | None = None,
+    window: str | ArrayLike | Array | None = None,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """A picture of the relit mesh, (size, size, 3) in 8-bit sRGB.
 
@@ -42,8 +43,9 @@ def render(
     multiplies the radiance, of which 1 becomes white; None chooses it from the picture: give a number to compare
     pictures.
     `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
-    degrees; the mesh fills the frame. `albedo` and `lobe` are as for `shade`: with a lobe the picture is what a glossy
-    surface reflects towards the camera. Raises ValueError for options out of range.
+    degrees; the mesh fills the frame. `albedo`, `lobe` and `window` are as for `shade`: with a lobe the picture is what
+    a glossy surface reflects towards the camera. Negative radiance, which `shade` gives, is drawn black. Raises
+    ValueError for options out of range.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> image = gash_jax.render(transfer, gash_jax.load_light("studio.hdr"), exposure=1.0, size=64)
@@ -57,7 +59,7 @@ def render(
     turned = light if rotation is None else rotate_light(light, rotation)
     camera = checked_camera(camera)
     view = None if lobe is None else toward_camera(mesh, camera)
-    radiance = finite_radiance(transfer, turned, albedo, view, lobe)
+    radiance = finite_radiance(transfer, turned, albedo, view, lobe, window)
     picture = shade_view(cast_view(mesh, camera, size), radiance)
     return to_srgb(*picture, factor or exposure_for([picture]))
 
@@ -68,9 +70,10 @@ def finite_radiance(
     albedo: ArrayLike | Array | None = None,
     view: ArrayLike | None = None,
     lobe: Lobe | None = None,
+    window: str | ArrayLike | Array | None = None,
 ) -> Float[np.ndarray, "v 3"]:
     """Radiance of every vertex, as `shade` gives it. Raises ValueError where it cannot be drawn."""
-    radiance = np.asarray(shade(transfer, light, albedo, view=view, lobe=lobe), np.float32)
+    radiance = np.asarray(shade(transfer, light, albedo, window, view=view, lobe=lobe), np.float32)
     if not np.isfinite(radiance).all():
         raise ValueError("the relit radiance is not finite: look for nan and inf in the transfer, light and albedo")
     return radiance
