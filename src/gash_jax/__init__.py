@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
-    from gash_jax.light.shading import shade
+    from gash_jax.light.shading import shade, shade_texture
     from gash_jax.light.studio import studio_light
     from gash_jax.models.deforming import deforming_predictor
     from gash_jax.models.model import Model, load_model
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from gash_jax.prt.glossy import glossy_matrices
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.rotation import rotate_transfer
+    from gash_jax.prt.texture import TransferTexture, load_texture, save_texture
+    from gash_jax.prt.texture_bake import bake_texture
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
     from gash_jax.shapes.procedural import make_shape
     from gash_jax.train.config import RunConfig, load_config
@@ -69,7 +71,9 @@ _HOMES = {
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
-    "light.shading": ("shade",),
+    "prt.texture": ("TransferTexture", "load_texture", "save_texture"),
+    "prt.texture_bake": ("bake_texture",),
+    "light.shading": ("shade", "shade_texture"),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -86,6 +90,8 @@ __all__ = [
     "Model",
     "RunConfig",
     "Transfer",
+    "TransferTexture",
+    "bake_texture",
     "bake_to_error",
     "bake_transfer",
     "deforming_predictor",
@@ -99,6 +105,7 @@ __all__ = [
     "load_light",
     "load_mesh",
     "load_model",
+    "load_texture",
     "load_transfer",
     "make_shape",
     "motor",
@@ -115,8 +122,10 @@ __all__ = [
     "run_config",
     "save_light",
     "save_mesh",
+    "save_texture",
     "save_transfer",
     "shade",
+    "shade_texture",
     "show",
     "studio_light",
     "unshadowed_transfer",

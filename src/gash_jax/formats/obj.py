@@ -2,8 +2,9 @@
 
 `vn` lines are read apart and brought to the vertices: the different normals that the corners at a vertex name are
 averaged, each counted once. Vertex lines of six or more numbers, if all are, give sRGB colours after the position.
-Texture coordinates, groups and materials are ignored. A backslash at the end of a line
-joins it to the next, except in comments and in names, where it is the end of a Windows folder.
+`vt` lines are brought to the corners of faces, (u, 1 - v): v counts from below in OBJ. Groups and materials are
+ignored. A backslash at the end of a line joins it to the next, except in comments and in names, where it is the end of
+a Windows folder.
 """
 
 import re
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from gash_jax.formats.colors import linear_rgb
 from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
-from gash_jax.formats.polygons import triangulate
+from gash_jax.formats.polygons import triangle_places
 from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
 from gash_jax.geometry.topology import weld
 
@@ -22,7 +23,7 @@ _SLASH, _BLANK, _NEWLINE = 47, 32, 10
 
 
 def read_obj(data: bytes) -> RawMesh:
-    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, numbers left out, negative ones, polygons) and normals.
+    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, numbers left out, negative ones, polygons), normals, `vt`.
 
     Raises MeshError.
     """
@@ -37,20 +38,43 @@ def read_obj(data: bytes) -> RawMesh:
     colors = linear_rgb(leading_columns(numbers, rows, 6)[:, 3:]) if np.diff(rows).min(initial=6) >= 6 else None
     if len(vertices) != np.count_nonzero(is_vertex):
         raise MeshError("a `v` line without numbers: the file is damaged")
-    position, normal, line = _corners(_only(characters, begins, is_face, 1))
+    position, texture, normal, line = _corners(_only(characters, begins, is_face, 1))
     face_lines = np.flatnonzero(is_face)[line]
     corners = _resolve(position, np.searchsorted(np.flatnonzero(is_vertex), face_lines))
     sizes = np.bincount(line, minlength=np.count_nonzero(is_face))
-    faces, notes = triangulate(corners, sizes, vertices)
+    places, notes = triangle_places(corners, sizes, vertices)
+    faces, uv = corners[places], None
+    is_texture = (characters[begins] == ord("v")) & (second == ord("t"))
+    if is_texture.any() and texture.any():
+        which = np.where(texture, _resolve(texture, np.searchsorted(np.flatnonzero(is_texture), face_lines)), -1)
+        uv = _texture_coordinates(_only(characters, begins, is_texture, 2), which)[places]
     named = normal != 0
     if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
-        return RawMesh(vertices, faces, None, notes, colors)
+        return RawMesh(vertices, faces, None, notes, colors, uv)
     normals = leading_columns(*parse_rows(_only(characters, begins, is_normal, 2)), 3)
     which = _resolve(normal[named], np.searchsorted(np.flatnonzero(is_normal), face_lines[named]))
     if np.any((which < 0) | (which >= len(normals))):
         raise MeshError("a face names a `vn` line that does not exist: export the file again")
     averaged, note = _at_vertices(corners[named], which, normals, len(vertices))
-    return RawMesh(vertices, faces, averaged, notes + note, colors)
+    return RawMesh(vertices, faces, averaged, notes + note, colors, uv)
+
+
+def _texture_coordinates(text: bytes, which: Int[np.ndarray, "c"]) -> Float[np.ndarray, "c 2"]:
+    """(u, 1 - v) of the `vt` line that each corner names; not a number where there is none, v = 0 where it is left out.
+
+    A mesh is not refused for texture coordinates that it may not need.
+    """
+    try:
+        numbers, starts = parse_rows(text)
+    except MeshError:
+        numbers, starts = np.zeros(0), np.zeros(1, dtype=np.int64)
+    if len(starts) - 1 != text.count(b"\n"):  # a word that is no number, or a line without one
+        return np.full((len(which), 2), np.nan)
+    u = leading_columns(numbers, starts, 1)[:, 0]
+    several = np.diff(starts) > 1
+    v = np.where(several, numbers[np.minimum(starts[:-1] + 1, len(numbers) - 1)], 0.0)
+    known = np.append(np.stack([u, 1 - v], axis=1), [[np.nan, np.nan]], axis=0)
+    return known[np.where((which >= 0) & (which < len(u)), which, len(u))]
 
 
 def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:
@@ -77,8 +101,10 @@ def _only(characters: np.ndarray, begins: Int[np.ndarray, "l"], chosen: Bool[np.
     return blanked[keep].tobytes()
 
 
-def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
-    """Of each corner in the text of all faces: number of its position, of its normal (0: none), and its line."""
+def _corners(
+    text: bytes,
+) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
+    """Of each corner in the text of all faces: number of its position, `vt` and normal (0: none), and its line."""
     for left_out in (b"//", b"/ ", b"/\t", b"/\n"):  # a number that is left out is 0
         text = text.replace(left_out, b"/0" + left_out[1:])
     characters = np.frombuffer(text, dtype=np.uint8)
@@ -91,10 +117,11 @@ def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], I
     if slashes.max(initial=0) > 2 or len(numbers) != len(line) + slashes.sum():
         raise MeshError("a face corner is not of the form v, v/vt, v//vn or v/vt/vn: the file is damaged or cut off")
     start = np.cumsum(slashes + 1) - (slashes + 1)
-    normal = np.zeros(len(line), dtype=np.int64)
+    texture, normal = np.zeros((2, len(line)), dtype=np.int64)
     numbers = whole_numbers(numbers, "a face names a corner")
+    texture[slashes > 0] = numbers[start[slashes > 0] + 1]
     normal[slashes == 2] = numbers[start[slashes == 2] + 2]
-    return numbers[start], normal, line
+    return numbers[start], texture, normal, line
 
 
 def _resolve(numbers: Int[np.ndarray, "c"], before: Int[np.ndarray, "c"]) -> Int[np.ndarray, "c"]:

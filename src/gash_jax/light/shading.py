@@ -8,6 +8,7 @@ viewer instead (`gloss`).
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
@@ -15,7 +16,10 @@ from gash_jax.algebra.arguments import ArrayLike, as_array, is_real, shown
 from gash_jax.light.brdf import Lobe
 from gash_jax.light.environment import LightLike, light_coefficients
 from gash_jax.light.gloss import glossy_radiance
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
+
+_TEXELS = 1 << 18  # that are shaded at once
 
 
 def shade(
@@ -69,6 +73,27 @@ def shade(
     else:
         leaving = jnp.einsum("vkc,kc->vc", coefficients, radiance, precision="highest")
     return leaving if factors is None else leaving * jnp.broadcast_to(factors, leaving.shape)
+
+
+def shade_texture(
+    texture: TransferTexture, light: LightLike, albedo: ArrayLike | Array | None = None
+) -> Float[np.ndarray, "n n 3"]:
+    """Linear radiance at each texel of a transfer texture; `albedo` is one colour (3,). Raises ValueError as `shade`.
+
+    >>> square = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> uv = np.array([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]])
+    >>> texture = gash_jax.bake_texture(square, rays=16, size=8, uv=uv)
+    >>> gash_jax.shade_texture(texture, gash_jax.load_light("studio.hdr")).shape
+    (8, 8, 3)
+    """
+    if not isinstance(texture, TransferTexture):
+        raise ValueError(f"a {type(texture).__name__} is no TransferTexture: give what bake_texture returns")
+    if albedo is not None and np.shape(as_array(albedo)) != (3,):
+        raise ValueError(f"albedo has shape {np.shape(as_array(albedo))}: give one colour (3,) for all texels")
+    values = texture.texture
+    texels = values.reshape(-1, *values.shape[2:])
+    parts = [texels[start : start + _TEXELS].astype(np.float32) for start in range(0, len(texels), _TEXELS)]
+    return np.concatenate([np.asarray(shade(part, light, albedo)) for part in parts]).reshape(*values.shape[:2], 3)
 
 
 def _factors(name: str, value: object, shapes: list[tuple[int, ...]]) -> Array:
