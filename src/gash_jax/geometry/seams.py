@@ -2,8 +2,8 @@
 
 Along a seam the same points of the surface are looked up at two places of the texture. Between texels that were worked
 out one by one the two lookups differ, and the seam shows. `SeamRows` holds one linear equation for every point of a row
-of points on each seam, ends included and at most one texel apart on the longer side: lookup on one side = lookup on the
-other. `equal_on_seams` moves the texels as little as possible, by weighted least squares, until all of these hold:
+of points on each seam, ends included and at most half a texel apart on the longer side: lookup on one side = lookup on
+the other. `equal_on_seams` moves the texels as little as possible, by weighted least squares, until all of these hold:
 x + W S^T y with (S W S^T) y = -S x, the projection onto S x = 0, by conjugate gradients. It exists for any x. Texels
 whose centre lies beside their face weigh little, because nothing but the rim of their chart looks them up. Between the
 points, the difference along a seam is that of two piecewise quadratic functions that agree at both ends.
@@ -27,6 +27,7 @@ from gash_jax.geometry.topology import build_edges, weld
 MIXED = 1e-3  # weight of another chart's texel from which on a lookup mixes with it
 SAME = 1e-3  # texels: two places of a lookup that are one
 INSIDE = 0.1  # how easily a texel inside its face moves, beside 1 for one at the rim
+PER_TEXEL = 2  # points on a seam
 TOLERANCE, STEPS = 1e-6, 2000  # largest difference left, as a part of the largest value; conjugate gradients
 
 
@@ -55,7 +56,7 @@ def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int) -> SeamRows
     one, other = one[apart], other[apart]
     sides = np.stack([ends[one], ends[other]], axis=1)  # (seam, side, end, 2)
     lengths = np.sqrt(np.sum((sides[:, :, 1] - sides[:, :, 0]) ** 2, axis=-1)).max(axis=1) * size
-    steps = np.ceil(lengths).astype(np.int64).clip(1)
+    steps = np.ceil(PER_TEXEL * lengths).astype(np.int64).clip(1)
     seam = np.repeat(np.arange(len(one)), steps + 1)
     step = np.arange(len(seam)) - np.repeat(np.cumsum(steps + 1) - steps - 1, steps + 1)
     share = (step / steps[seam])[:, None, None]
