@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, rotation_tables
+from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, rotation_tables, texture_tables
 from docs.baking_tables import origin
 from docs.method_names import network_name
 
@@ -115,6 +115,7 @@ TABLES = (
     Table("docs/animation.md", "MAPS", animation_tables.maps_table, "geometry_images.json"),
     Table("docs/animation.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
     Table("docs/animation.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),
+    Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

@@ -4,12 +4,14 @@
 
 needs xatlas, and with --meshes fast-simplification. The reference is the transfer of points drawn evenly from the
 surface, with many rays each; a representation is looked up at these points as a renderer would. Radiance is that under
-the studio light from four sides. Bytes are what a renderer holds: positions and normals in float32, indices in int32,
+the studio light from four sides. Textures are looked up as they were baked as well, before seams were made equal, and the
+difference between both sides of seams is measured at `DENSE` points a texel before and after. Bytes are what a renderer holds: positions and normals in float32, indices in int32,
 texture coordinates in float32, coefficients in float16. The figure stands beside the results.
 """
 
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,17 +20,19 @@ from benchmarks.options import options, saved
 from experiments.textures.scenes import SEED, scenes
 from gash_jax.geometry.bilinear import lookup
 from gash_jax.geometry.mesh import Mesh, face_areas, normalized, subdivide_midpoint
+from gash_jax.geometry.seams import equal_on_seams, seam_jumps, seam_rows
 from gash_jax.light.environment import project_light
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
 from gash_jax.measure.metrics import relrmse
 from gash_jax.measure.provenance import provenance
+from gash_jax.prt import texture_bake
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.texture_bake import bake_texture
+from gash_jax.prt.texture import TransferTexture
 
-BANDS, RAYS, REFERENCE_RAYS, POINTS = 3, 512, 4096, 10000
-SIZES, MOST_VERTICES = (16, 32, 64, 128, 256, 512), 60000
-SIDES = 4
+BANDS, RAYS, REFERENCE_RAYS, POINTS = 3, 512, 4096, 8000
+SIZES, MOST_VERTICES = (32, 64, 128, 256, 512), 20000
+SIDES, DENSE = 4, 8
 
 
 class Places(NamedTuple):
@@ -76,6 +80,28 @@ def mesh_bytes(mesh: Mesh) -> int:
     return 24 * len(mesh.vertices) + 12 * len(mesh.faces)
 
 
+def baked_texture(mesh: Mesh, rays: int, size: int) -> tuple[TransferTexture, np.ndarray]:
+    """A texture, and its coefficients before seams were made equal."""
+    kept: list[np.ndarray] = []
+
+    def keeping(values: np.ndarray, *others: Any) -> np.ndarray:
+        kept.append(values.reshape(size, size, -1))
+        return equal_on_seams(values, *others)
+
+    with patch.object(texture_bake, "equal_on_seams", keeping):
+        texture = texture_bake.bake_texture(mesh, BANDS, rays, size=size, uv="atlas", seed=SEED)
+    return texture, kept[0]
+
+
+def seam_jump(mesh: Mesh, uv: np.ndarray, image: np.ndarray) -> float:
+    """RMS difference of lookups on both sides of seams, relative to the RMS coefficient at texels that are not 0."""
+    size = len(image)
+    rows = seam_rows(mesh, uv, size, per_texel=DENSE)
+    values = image.reshape(size**2, -1).astype(np.float64)
+    jumps = seam_jumps(values, rows)
+    return float(np.sqrt(np.mean(jumps**2) / np.mean(values[np.any(values != 0, axis=1)] ** 2))) if len(jumps) else 0.0
+
+
 def rows_of(name: str, mesh: Mesh, quick: bool) -> list[dict[str, Any]]:
     """Every representation of one mesh."""
     sizes, rays, many, count = (SIZES[:2], 16, 64, 500) if quick else (SIZES, RAYS, REFERENCE_RAYS, POINTS)
@@ -85,9 +111,9 @@ def rows_of(name: str, mesh: Mesh, quick: bool) -> list[dict[str, Any]]:
     reference = bake_transfer(mesh, BANDS, many, points=points, normals=normals, seed=SEED + 1).coefficients
     rows = []
 
-    def add(way: str, detail: int, bytes_: int, samples: int, found: np.ndarray) -> None:
+    def add(way: str, detail: int, bytes_: int, samples: int, found: np.ndarray, **more: Any) -> None:
         errors = {"transfer": relrmse(found, reference), "radiance": radiance_error(found, reference)}
-        rows.append({"mesh": name, "way": way, "detail": detail, "bytes": bytes_, "samples": samples, **errors})
+        rows.append({"mesh": name, "way": way, "detail": detail, "bytes": bytes_, "samples": samples, **errors, **more})
         print(rows[-1], flush=True)
 
     fine, at, level = mesh, places, 0
@@ -97,16 +123,16 @@ def rows_of(name: str, mesh: Mesh, quick: bool) -> list[dict[str, Any]]:
         add("vertices", level, count_bytes, len(fine.vertices), at_places(values, fine.faces, at))
         fine, at, level = subdivide_midpoint(fine), in_children(at), level + 1
     for size in sizes:
-        baked = bake_texture(mesh, BANDS, rays, size=size, uv="atlas", seed=SEED)
-        uv = np.einsum("pi,pij->pj", places.barycentric, baked.uv[places.face])
-        count_bytes = mesh_bytes(mesh) + baked.texture.nbytes + baked.uv.nbytes
-        add(
-            "texture",
-            size,
-            count_bytes,
-            int(np.count_nonzero(baked.coverage)),
-            lookup(baked.texture.reshape(size, size, -1), uv),
-        )
+        texture, before = baked_texture(mesh, rays, size)
+        uv = np.einsum("pi,pij->pj", places.barycentric, texture.uv[places.face])
+        count_bytes = mesh_bytes(mesh) + texture.texture.nbytes + texture.uv.nbytes
+        more = {
+            "radiance_before": radiance_error(lookup(before, uv), reference),
+            "seam_jump_before": seam_jump(mesh, texture.uv, before),
+            "seam_jump": seam_jump(mesh, texture.uv, texture.texture),
+        }
+        samples = int(np.count_nonzero(texture.coverage))
+        add("texture", size, count_bytes, samples, lookup(texture.texture, uv), **more)
     return rows
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from gash_jax.geometry.bilinear import lookup
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.seams import PER_TEXEL, TOLERANCE, apart_rows, equal_on_seams, seam_jumps, seam_rows
+from gash_jax.geometry.seams import TOLERANCE, apart_rows, equal_on_seams, seam_jumps, seam_rows
 from gash_jax.geometry.texels import find_texels
 from tests.helpers.textured import SQUARE, SQUARE_UV, split_square
 
@@ -33,7 +33,8 @@ def test_both_sides_of_a_seam_become_equal(size: int) -> None:
     jump = np.subtract(*(lookup(equal.reshape(size, size, -1), side) for side in sides))
     assert np.abs(jump[[0, -1]]).max() <= 2 * TOLERANCE * np.abs(values).max()
     old = np.subtract(*(lookup(values.reshape(size, size, -1), side) for side in sides))
-    assert np.sqrt(np.mean(jump**2)) < 0.1 * np.sqrt(np.mean(old**2))  # between the points little is left
+    # between the points some is left, the less the finer the texture
+    assert np.sqrt(np.mean(jump**2)) < (0.55 if size == 8 else 0.4) * np.sqrt(np.mean(old**2))
     moved = np.abs(equal - values).max(axis=1)
     assert moved[inside].max() < 1.5 * before  # about as far as the seam was off
 
@@ -51,11 +52,11 @@ def test_where_there_is_no_seam() -> None:
     assert equal_on_seams(values, rows, np.ones(256, bool)) is values
 
 
-def test_points_on_seams_lie_at_most_half_a_texel_apart() -> None:
+def test_points_on_seams_lie_at_most_a_texel_apart() -> None:
     uv, size = split_square(), 50
     rows = seam_rows(SQUARE, uv, size)
     length = np.linalg.norm(uv[0, 2] - uv[0, 0]) * size
-    assert len(rows.texels) == np.ceil(PER_TEXEL * length) + 1
+    assert len(rows.texels) == np.ceil(length) + 1
     np.testing.assert_allclose(rows.weights.sum(axis=1), 0, atol=1e-12)
 
 

@@ -2,11 +2,12 @@
 
 Along a seam the same points of the surface are looked up at two places of the texture. Between texels that were worked
 out one by one the two lookups differ, and the seam shows. `SeamRows` holds one linear equation for every point of a row
-of points on each seam, ends included and at most half a texel apart on the longer side: lookup on one side = lookup on
-the other. `equal_on_seams` moves the texels as little as possible, by weighted least squares, until all of these hold:
+of points on each seam, ends included and at most one texel apart on the longer side: lookup on one side = lookup on the
+other. `equal_on_seams` moves the texels as little as possible, by weighted least squares, until all of these hold:
 x + W S^T y with (S W S^T) y = -S x, the projection onto S x = 0, by conjugate gradients. It exists for any x. Texels
 whose centre lies beside their face weigh little, because nothing but the rim of their chart looks them up. Between the
-points, the difference along a seam is that of two piecewise quadratic functions that agree at both ends.
+points, the difference along a seam is that of two piecewise quadratic functions that agree at both ends. More points
+would leave less of it, and move texels further from what was baked.
 
 Faces meet at an edge where positions and normals of their vertices agree, whether or not the file repeats them for each
 face. Where normals differ the edge is hard, and the transfer differs as well. Where more than two faces meet, each is
@@ -27,7 +28,6 @@ from gash_jax.geometry.topology import build_edges, weld
 MIXED = 1e-3  # weight of another chart's texel from which on a lookup mixes with it
 SAME = 1e-3  # texels: two places of a lookup that are one
 INSIDE = 0.1  # how easily a texel inside its face moves, beside 1 for one at the rim
-PER_TEXEL = 2  # points on a seam
 TOLERANCE, STEPS = 1e-6, 2000  # largest difference left, as a part of the largest value; conjugate gradients
 
 
@@ -40,8 +40,8 @@ class SeamRows(NamedTuple):
     chart_of: Int[np.ndarray, "f"]  # chart of each face: those that hang together in the texture
 
 
-def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int) -> SeamRows:
-    """The equations of all seams of a mesh in a texture of `size` x `size`."""
+def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int, per_texel: float = 1) -> SeamRows:
+    """The equations of all seams of a mesh in a texture of `size` x `size`, for so many points a texel."""
     welded = weld(np.concatenate([mesh.vertices, mesh.normals], axis=1))[mesh.faces]
     edges = build_edges(welded, len(mesh.vertices))
     face, corner = np.divmod(edges.halfedge, 3)
@@ -56,7 +56,7 @@ def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int) -> SeamRows
     one, other = one[apart], other[apart]
     sides = np.stack([ends[one], ends[other]], axis=1)  # (seam, side, end, 2)
     lengths = np.sqrt(np.sum((sides[:, :, 1] - sides[:, :, 0]) ** 2, axis=-1)).max(axis=1) * size
-    steps = np.ceil(PER_TEXEL * lengths).astype(np.int64).clip(1)
+    steps = np.ceil(per_texel * lengths).astype(np.int64).clip(1)
     seam = np.repeat(np.arange(len(one)), steps + 1)
     step = np.arange(len(seam)) - np.repeat(np.cumsum(steps + 1) - steps - 1, steps + 1)
     share = (step / steps[seam])[:, None, None]

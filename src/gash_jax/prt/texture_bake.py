@@ -134,7 +134,7 @@ def bake_texture(
 
     `uv` is (f, 3, 2), (u, v) of each corner of each face, u to the right and v downwards; "own" for those of the mesh
     (OBJ, glTF, PLY, trimesh); "atlas" for charts made by xatlas, which is an extra; None for its own, or else an atlas.
-    Points on seams, at most half a texel apart, get the same value from both sides. The other arguments are those of
+    Points on seams, at most one texel apart, get the same value from both sides. The other arguments are those of
     `bake_transfer`, the albedo that of the vertices. Raises ValueError for options out of range, MeshError for what is
     no mesh or has texture coordinates that cannot be used: none, of several tiles, overlapping.
 
