@@ -4,9 +4,10 @@
 
 needs xatlas, and with --meshes fast-simplification. The reference is the transfer of points drawn evenly from the
 surface, with many rays each; a representation is looked up at these points as a renderer would. Radiance is that under
-the studio light from four sides. Textures are looked up as they were baked as well, before seams were made equal, and the
-difference between both sides of seams is measured at `DENSE` points a texel before and after. Bytes are what a renderer holds: positions and normals in float32, indices in int32,
-texture coordinates in float32, coefficients in float16. The figure stands beside the results.
+the studio light from four sides. Textures are looked up before seams were made equal as well, and the difference
+between both sides of seams is measured at `DENSE` points a texel before and after. Bytes are what a renderer holds:
+positions and normals in float32, indices in int32, texture coordinates in float32, coefficients in float16. The figure
+stands beside the results.
 """
 
 from pathlib import Path

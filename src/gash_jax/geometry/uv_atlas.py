@@ -21,7 +21,7 @@ def atlas_coordinates(mesh: Mesh, size: int) -> Float[np.ndarray, "f 3 2"]:
         import xatlas
     except ImportError:
         raise MeshError(
-            "the mesh has no texture coordinates, and an atlas is made by xatlas: pip install xatlas "
+            "texture coordinates for a mesh without are made by xatlas, which is not installed: pip install xatlas "
             "(or gash-jax[textures]), or unwrap the mesh in the program that made it"
         ) from None
     shape = NormalisedMesh(mesh)

@@ -59,9 +59,17 @@ class Layout(NamedTuple):
                 f"  at {self.mixed / total:.1%} of the points on seams charts lie less than two texels apart and mix: "
                 "a larger texture, or charts further apart, would help"
             )
+        flat = self.faces_without_area
+        if flat:
+            lines.append(f"  {flat} {'face has' if flat == 1 else 'faces have'} no area in the texture")
         if self.texels.doubled:
             lines.append(f"  {self.texels.doubled} texels lie on two faces: the first one counts")
         return lines
+
+    @property
+    def faces_without_area(self) -> int:
+        """In the texture: they look up a line or a point of it."""
+        return int(np.count_nonzero(np.abs(corner_areas(self.uv)) <= FLAT))
 
     def entries(self, jump: float) -> dict[str, Any]:
         """For metadata, with the largest difference between both sides of a seam."""
@@ -69,7 +77,7 @@ class Layout(NamedTuple):
         return {
             **{"size": self.size, "uv": self.source, "texels_on_faces": inside},
             **{"texels_at_rims": len(self.texels.index) - inside, "texels_on_two_faces": self.texels.doubled},
-            "faces_without_area": int(np.count_nonzero(np.abs(corner_areas(self.uv)) <= FLAT)),
+            "faces_without_area": self.faces_without_area,
             **{"points_on_seams": len(self.seams.texels), "largest_seam_jump": jump},
             "points_on_seams_mixed": self.mixed,
         }
