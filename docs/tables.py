@@ -18,6 +18,7 @@ from docs import (
     light_tables,
     rotation_tables,
     service_tables,
+    texture_tables,
     trial_tables,
 )
 from docs.baking_tables import origin
@@ -131,6 +132,7 @@ TABLES = (
     Table("docs/choices.md", "LINEAR", trial_tables.linear, "linear_stage.json"),
     Table("docs/service.md", "SERVICE LATENCY", service_tables.latency_table, "service.json"),
     Table("docs/service.md", "SERVICE LOAD", service_tables.load_table, "service.json"),
+    Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

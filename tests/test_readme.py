@@ -11,6 +11,7 @@ from gash_jax.formats.hdr import write_hdr
 from gash_jax.formats.meshes import save_mesh
 from gash_jax.light.studio import studio_light
 from gash_jax.shapes.primitives import bumpy_sphere
+from tests.helpers.textured import SQUARE_OBJ
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SWEEP = """
@@ -31,6 +32,7 @@ def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyP
     save_mesh("bunny.ply", bumpy_sphere(10))
     for name in ("room.ply", "hero.ply"):
         save_mesh(name, bumpy_sphere(3))
+    Path("chair.obj").write_text(SQUARE_OBJ)
     write_hdr("studio.hdr", studio_light(32))
     Path("sweep.toml").write_text(SWEEP)
     commands = re.findall(r"^gash ([a-z]+ .+)$", README, re.MULTILINE)
@@ -44,6 +46,8 @@ def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyP
             arguments += [*TINY.split(), "model.channels=8", "model.layers=1"]
         if arguments[0] in ("evaluate", "bench"):
             arguments += ["--rays", "64"]
+        if "--texture" in arguments:
+            arguments += ["--rays", "1"]
         gash.main(arguments, standalone_mode=False)
     (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     names: dict = {}

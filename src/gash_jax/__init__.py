@@ -33,9 +33,13 @@ if TYPE_CHECKING:
         expand_transfer,
     )
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
-    from gash_jax.light.shading import shade
-    from gash_jax.light.sky import sun_sky_light
-    from gash_jax.light.sources import constant_light, directional_light, sphere_light
+from gash_jax.light.shading import (
+    directional_light,
+    shade,
+    shade     from gash_jax.light.sky import sun_sky_light     from gash_jax.light.sources import constant_light,
+    shade_texture,
+    sphere_light,
+)
     from gash_jax.light.studio import studio_light
     from gash_jax.light.windows import light_window
     from gash_jax.models.deforming import deforming_predictor
@@ -45,6 +49,8 @@ if TYPE_CHECKING:
     from gash_jax.prt.glossy import glossy_matrices
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.rotation import rotate_transfer
+    from gash_jax.prt.texture import TransferTexture, load_texture, save_texture
+    from gash_jax.prt.texture_bake import bake_texture
     from gash_jax.prt.transfer import Transfer, load_transfer, save_transfer
     from gash_jax.shapes.procedural import make_shape
     from gash_jax.train.config import RunConfig, load_config
@@ -92,6 +98,9 @@ _HOMES = {
     "light.sky": ("sun_sky_light",),
     "light.sources": ("constant_light", "directional_light", "sphere_light"),
     "light.windows": ("light_window",),
+    "prt.texture": ("TransferTexture", "load_texture", "save_texture"),
+    "prt.texture_bake": ("bake_texture",),
+    "light.shading": ("shade", "shade_texture"),
     "prt.transfer": ("Transfer", "load_transfer", "save_transfer"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
@@ -109,6 +118,8 @@ __all__ = [
     "Model",
     "RunConfig",
     "Transfer",
+    "TransferTexture",
+    "bake_texture",
     "bake_to_error",
     "bake_transfer",
     "compress_light",
@@ -130,6 +141,7 @@ __all__ = [
     "load_light",
     "load_mesh",
     "load_model",
+    "load_texture",
     "load_transfer",
     "make_shape",
     "motor",
@@ -146,8 +158,10 @@ __all__ = [
     "run_config",
     "save_light",
     "save_mesh",
+    "save_texture",
     "save_transfer",
     "shade",
+    "shade_texture",
     "show",
     "sphere_light",
     "studio_light",

@@ -6,6 +6,7 @@ order, each placed within the node. Morph targets count with the weights that th
 2.0, 3.7.2.2). Of a skinned mesh the bind pose is taken: the positions as stored, placed by what the skin's root joint
 does to them at rest, G B with G the joint's place and B its inverse bind matrix. The place of the node itself does not
 count then, as glTF says. COLOR_0 is linear RGB, and white where only some primitives have it (glTF 2.0, 3.9.2).
+TEXCOORD_0 counts v downwards, as is meant here; where only some primitives have it, the others have none.
 Materials and animations are ignored.
 """
 
@@ -29,6 +30,7 @@ class Piece(NamedTuple):
     normals: Float[np.ndarray, "v 3"]  # 0 where it has none
     triangles: Int[np.ndarray, "f 3"]
     colors: Float[np.ndarray, "v 3"]  # 1 where it has none
+    uv: Float[np.ndarray, "v 2"]  # not a number where it has none
     colored: bool
     morphed: bool
 
@@ -38,7 +40,8 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
     document = open_document(data, folder)
     places = scene_places(document)
     none = np.zeros((0, 3))
-    scene, skipped, morphed, colored = [(none, none.astype(np.int64), none, none)], 0, False, False
+    scene = [(none, none.astype(np.int64), none, none, none[:, :2])]
+    skipped, morphed, colored = 0, False, False
     count = 0
     for index, place in places.items():
         node = document.json["nodes"][index]
@@ -59,14 +62,16 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
         notes += (f"{skipped} {'primitive' if skipped == 1 else 'primitives'} of points or lines: left out",)
     if morphed:
         notes += ("morph targets with default weights: applied, the shape is not the base shape",)
-    vertices, faces, normals, colors = (np.concatenate(arrays) for arrays in zip(*scene, strict=True))
-    return RawMesh(vertices, faces, normals, notes, colors if colored else None)
+    vertices, faces, normals, colors, uv = (np.concatenate(arrays) for arrays in zip(*scene, strict=True))
+    corners = None if np.isnan(uv).all() else uv[faces]
+    return RawMesh(vertices, faces, normals, notes, colors if colored else None, corners)
 
 
-def _placed(
-    pieces: list[Piece], places: Float[np.ndarray, "n 4 4"], count: int
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]:
-    """Vertices, faces, normals and colours of all pieces once for each place; vertices are numbered from `count`."""
+def _placed(pieces: list[Piece], places: Float[np.ndarray, "n 4 4"], count: int) -> tuple[np.ndarray, ...]:
+    """Vertices, faces, normals, colours and texture coordinates of all pieces once for each place.
+
+    Vertices are numbered from `count`.
+    """
     own = sum(len(piece.points) for piece in pieces)
     if own * len(places) + count > MOST_VERTICES:
         raise MeshError(f"the glTF scene has more than {MOST_VERTICES} vertices, instances included: export fewer")
@@ -80,7 +85,8 @@ def _placed(
     faces = np.where(mirrored, triangles[:, ::-1], triangles) + (count + own * np.arange(len(places)))[:, None, None]
     arrays = (np.concatenate(moved, axis=1), faces, np.concatenate(tilts, axis=1))
     vertices, faces, normals = (array.reshape(-1, 3) for array in arrays)
-    return vertices, faces, normals, np.tile(np.concatenate([p.colors for p in pieces]), (len(places), 1))
+    same = (np.concatenate([p.colors for p in pieces]), np.concatenate([p.uv for p in pieces]))
+    return vertices, faces, normals, *(np.tile(array, (len(places), 1)) for array in same)
 
 
 def mesh_places(
@@ -132,9 +138,13 @@ def read_piece(document: Document, primitive: dict[str, Any], weights: list[floa
             normals = normals + weight * document.values(target["NORMAL"])
     colored = "COLOR_0" in attributes and document.has_data(attributes["COLOR_0"])
     colors = document.values(attributes["COLOR_0"])[:, :3].astype(np.float64) if colored else np.ones_like(points)
+    uv = np.full((len(points), 2), np.nan)
+    if "TEXCOORD_0" in attributes and document.has_data(attributes["TEXCOORD_0"]):
+        found = document.values(attributes["TEXCOORD_0"])
+        uv = found.astype(np.float64) if found.shape == uv.shape else uv
     if points.shape != normals.shape or points.shape != colors.shape or points.shape[1] != 3:
         raise MeshError("positions, normals, colours and targets of a glTF primitive do not fit: the file is damaged")
-    return Piece(points, normals, triangles, colors, colored, bool(active))
+    return Piece(points, normals, triangles, colors, uv, colored, bool(active))
 
 
 def scene_places(document: Document) -> dict[int, Float[np.ndarray, "4 4"]]:

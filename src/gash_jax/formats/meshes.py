@@ -103,6 +103,15 @@ def vertex_colors(source: MeshLike) -> Float[np.ndarray, "v 3"]:
     return colors.astype(np.float32)
 
 
+def texture_coordinates(source: MeshLike) -> Float[np.ndarray, "f 3 2"] | None:
+    """(u, v) of every corner of the faces of a mesh file or a trimesh.Trimesh, u to the right, v downwards.
+
+    They are the file's own numbers, but for v, which OBJ, PLY and trimesh count from below; not finite at corners that
+    have none. None where the mesh has none at all.
+    """
+    return None if isinstance(source, Mesh) else _raw(source).uv
+
+
 def read_points(path: str | os.PathLike[str], up: str = "y") -> tuple[Mesh, bool]:
     """Points with unit normals in a PLY file, as a mesh without faces, and whether their normals have no sign.
 

@@ -2,8 +2,9 @@
 
 `vn` lines are read apart and brought to the vertices: the different normals that the corners at a vertex name are
 averaged, each counted once. Vertex lines of six or more numbers, if all are, give sRGB colours after the position.
-Texture coordinates, groups and materials are ignored. A backslash at the end of a line
-joins it to the next, except in comments and in names, where it is the end of a Windows folder.
+`vt` lines are brought to the corners of faces, (u, 1 - v): v counts from below in OBJ. Groups and materials are
+ignored. A backslash at the end of a line joins it to the next, except in comments and in names, where it is the end of
+a Windows folder.
 """
 
 import re
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from gash_jax.formats.colors import linear_rgb
 from gash_jax.formats.number_text import leading_columns, parse_rows, plain_text, whole_numbers
-from gash_jax.formats.polygons import triangulate
+from gash_jax.formats.polygons import triangle_places
 from gash_jax.geometry.mesh import MeshError, RawMesh, normalized
 from gash_jax.geometry.topology import weld
 
@@ -22,44 +23,67 @@ _SLASH, _BLANK, _NEWLINE = 47, 32, 10
 
 
 def read_obj(data: bytes) -> RawMesh:
-    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, numbers left out, negative ones, polygons) and normals.
+    """Positions, faces (`v`, `v/vt`, `v//vn`, `v/vt/vn`, numbers left out, negative ones, polygons), normals, `vt`.
 
     Raises MeshError.
     """
     characters, begins = _lines(data)
-    is_vertex, is_normal, is_face = _kinds(characters, begins)
+    is_vertex, is_texture, is_normal, is_face = _kinds(characters, begins)
     numbers, rows = parse_rows(_only(characters, begins, is_vertex, 1))
     vertices = leading_columns(numbers, rows, 3)
     colors = linear_rgb(leading_columns(numbers, rows, 6)[:, 3:]) if np.diff(rows).min(initial=6) >= 6 else None
     if len(vertices) != np.count_nonzero(is_vertex):
         raise MeshError("a `v` line without numbers: the file is damaged")
-    corners, normal, line, sizes = _polygons(characters, begins, is_vertex, is_face)
+    corners, texture, normal, line, sizes = _polygons(characters, begins, is_vertex, is_face)
     face_lines = np.flatnonzero(is_face)[line]
-    faces, notes = triangulate(corners, sizes, vertices)
+    places, notes = triangle_places(corners, sizes, vertices)
+    faces, uv = corners[places], None
+    if is_texture.any() and texture.any():
+        which = np.where(texture, _resolve(texture, np.searchsorted(np.flatnonzero(is_texture), face_lines)), -1)
+        uv = _texture_coordinates(_only(characters, begins, is_texture, 2), which)[places]
     named = normal != 0
     if not is_normal.any() or not named.any() or np.any((corners < 0) | (corners >= len(vertices))):
-        return RawMesh(vertices, faces, None, notes, colors)
+        return RawMesh(vertices, faces, None, notes, colors, uv)
     normals = leading_columns(*parse_rows(_only(characters, begins, is_normal, 2)), 3)
     which = _resolve(normal[named], np.searchsorted(np.flatnonzero(is_normal), face_lines[named]))
     if np.any((which < 0) | (which >= len(normals))):
         raise MeshError("a face names a `vn` line that does not exist: export the file again")
     averaged, note = _at_vertices(corners[named], which, normals, len(vertices))
-    return RawMesh(vertices, faces, averaged, notes + note, colors)
+    return RawMesh(vertices, faces, averaged, notes + note, colors, uv)
+
+
+def _texture_coordinates(text: bytes, which: Int[np.ndarray, "c"]) -> Float[np.ndarray, "c 2"]:
+    """(u, 1 - v) of the `vt` line that each corner names; not a number where there is none, v = 0 where it is left out.
+
+    A mesh is not refused for texture coordinates that it may not need.
+    """
+    try:
+        numbers, starts = parse_rows(text)
+    except MeshError:
+        numbers, starts = np.zeros(0), np.zeros(1, dtype=np.int64)
+    if len(starts) - 1 != text.count(b"\n"):  # a word that is no number, or a line without one
+        return np.full((len(which), 2), np.nan)
+    u = leading_columns(numbers, starts, 1)[:, 0]
+    several = np.diff(starts) > 1
+    v = np.where(several, numbers[np.minimum(starts[:-1] + 1, len(numbers) - 1)], 0.0)
+    known = np.append(np.stack([u, 1 - v], axis=1), [[np.nan, np.nan]], axis=0)
+    return known[np.where((which >= 0) & (which < len(u)), which, len(u))]
 
 
 def obj_polygons(data: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "p"]]:
     """The `v` that the corners of all `f` lines name, one after the other, and how many each line has."""
     characters, begins = _lines(data)
-    is_vertex, _, is_face = _kinds(characters, begins)
-    corners, _, _, sizes = _polygons(characters, begins, is_vertex, is_face)
+    is_vertex, _, _, is_face = _kinds(characters, begins)
+    corners, _, _, _, sizes = _polygons(characters, begins, is_vertex, is_face)
     return corners, sizes
 
 
 def _kinds(characters: np.ndarray, begins: Int[np.ndarray, "l"]) -> tuple[Bool[np.ndarray, "l"], ...]:
-    """Which lines are `v`, `vn` and `f` lines."""
+    """Which lines are `v`, `vt`, `vn` and `f` lines."""
     first, second = characters[begins], characters[np.minimum(begins + 1, len(characters) - 1)]
-    blank = second <= _BLANK
-    return (first == ord("v")) & blank, (first == ord("v")) & (second == ord("n")), (first == ord("f")) & blank
+    plain, texture, normal = (second <= _BLANK, second == ord("t"), second == ord("n"))
+    is_v = first == ord("v")
+    return is_v & plain, is_v & texture, is_v & normal, (first == ord("f")) & plain
 
 
 def _polygons(
@@ -67,11 +91,14 @@ def _polygons(
     begins: Int[np.ndarray, "l"],
     is_vertex: Bool[np.ndarray, "l"],
     is_face: Bool[np.ndarray, "l"],
-) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "p"]]:
-    """Of each corner its position from 0, the number of its normal, its `f` line; and the corners of each line."""
-    position, normal, line = _corners(_only(characters, begins, is_face, 1))
+) -> tuple[
+    Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "p"]
+]:
+    """Of each corner its position from 0, the numbers of its `vt` and normal, its `f` line; corners of each line."""
+    position, texture, normal, line = _corners(_only(characters, begins, is_face, 1))
     before = np.searchsorted(np.flatnonzero(is_vertex), np.flatnonzero(is_face)[line])
-    return _resolve(position, before), normal, line, np.bincount(line, minlength=np.count_nonzero(is_face))
+    sizes = np.bincount(line, minlength=np.count_nonzero(is_face))
+    return _resolve(position, before), texture, normal, line, sizes
 
 
 def _lines(data: bytes) -> tuple[np.ndarray, Int[np.ndarray, "l"]]:
@@ -98,8 +125,10 @@ def _only(characters: np.ndarray, begins: Int[np.ndarray, "l"], chosen: Bool[np.
     return blanked[keep].tobytes()
 
 
-def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
-    """Of each corner in the text of all faces: number of its position, of its normal (0: none), and its line."""
+def _corners(
+    text: bytes,
+) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"], Int[np.ndarray, "c"]]:
+    """Of each corner in the text of all faces: number of its position, `vt` and normal (0: none), and its line."""
     for left_out in (b"//", b"/ ", b"/\t", b"/\n"):  # a number that is left out is 0
         text = text.replace(left_out, b"/0" + left_out[1:])
     characters = np.frombuffer(text, dtype=np.uint8)
@@ -112,10 +141,11 @@ def _corners(text: bytes) -> tuple[Int[np.ndarray, "c"], Int[np.ndarray, "c"], I
     if slashes.max(initial=0) > 2 or len(numbers) != len(line) + slashes.sum():
         raise MeshError("a face corner is not of the form v, v/vt, v//vn or v/vt/vn: the file is damaged or cut off")
     start = np.cumsum(slashes + 1) - (slashes + 1)
-    normal = np.zeros(len(line), dtype=np.int64)
+    texture, normal = np.zeros((2, len(line)), dtype=np.int64)
     numbers = whole_numbers(numbers, "a face names a corner")
+    texture[slashes > 0] = numbers[start[slashes > 0] + 1]
     normal[slashes == 2] = numbers[start[slashes == 2] + 2]
-    return numbers[start], normal, line
+    return numbers[start], texture, normal, line
 
 
 def _resolve(numbers: Int[np.ndarray, "c"], before: Int[np.ndarray, "c"]) -> Int[np.ndarray, "c"]:

@@ -50,13 +50,14 @@ def from_trimesh(source: Any) -> RawMesh:
     """Vertices and faces of a trimesh.Trimesh, or of all meshes in a trimesh.Scene in its order, each in its place.
 
     Normals are those that the meshes were given or that trimesh has computed already; unless all have some, they are
-    left to be computed. Of a single mesh the colours of the vertices are read as well, which trimesh holds in sRGB.
+    left to be computed. Of a single mesh the colours of the vertices are read as well, which trimesh holds in sRGB, and
+    their texture coordinates, which it counts from below.
     """
     import trimesh  # imported already: a value of its own was given
 
     if isinstance(source, trimesh.Trimesh):
         arrays = np.asarray(source.vertices), np.asarray(source.faces), _own_normals(source)
-        return RawMesh(*arrays, colors=_own_colors(source))
+        return RawMesh(*arrays, colors=_own_colors(source), uv=_own_uv(source))
     placed = [
         (source.geometry[name], np.asarray(place)) for place, name in map(source.graph.get, source.graph.nodes_geometry)
     ]
@@ -82,3 +83,10 @@ def _own_colors(mesh: Any) -> Float[np.ndarray, "v 3"] | None:
     if mesh.visual.kind != "vertex":
         return None
     return linear_rgb(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255)
+
+
+def _own_uv(mesh: Any) -> Float[np.ndarray, "f 3 2"] | None:
+    uv = getattr(mesh.visual, "uv", None)
+    if uv is None or np.shape(uv) != (len(mesh.vertices), 2):
+        return None
+    return (np.asarray(uv, np.float64) * [1, -1] + [0, 1])[mesh.faces]

@@ -1,6 +1,8 @@
-"""PLY files: polygons of any size, normals and colours of vertices, points and Gaussian splats; and writing.
+"""PLY files: polygons of any size, normals, colours and texture coordinates, points and Gaussian splats; and writing.
 
-Colours `red green blue` of whole numbers are sRGB, floats are linear. A splat (Kerbl et al. 2023, "3D Gaussian
+Colours `red green blue` of whole numbers are sRGB, floats are linear. Texture coordinates are those of the vertices
+(`s t`, `u v` or `texture_u texture_v`) or those of the corners of faces (lists `texcoord`, as MeshLab writes them), v
+counted from below. A splat (Kerbl et al. 2023, "3D Gaussian
 Splatting") has `scale_0..2`, the logarithms of its axes, and `rot_0..3`, a quaternion (w, x, y, z) of any length.
 """
 
@@ -8,16 +10,17 @@ import os
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from gash_jax.files.atomic import whole_file
 from gash_jax.formats.colors import linear_rgb
 from gash_jax.formats.number_text import whole_numbers
 from gash_jax.formats.ply_columns import Table, read_columns
-from gash_jax.formats.polygons import triangulate
+from gash_jax.formats.polygons import triangle_places
 from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh
 
 _NORMAL = ("nx", "ny", "nz")
+_TEXTURE = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _SPLAT = ("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
 
 
@@ -31,8 +34,11 @@ def read_ply(data: bytes) -> RawMesh:
     if not lists and "tristrips" in table.columns:
         raise MeshError("the PLY file holds triangle strips: export it as triangles")
     corners, sizes = lists[0] if lists else (np.zeros(0, dtype=np.int64),) * 2
-    faces, notes = triangulate(whole_numbers(corners, "a PLY face names a corner"), sizes, vertices)
-    return RawMesh(vertices, faces, _stacked(table, _NORMAL), table.notes + notes, _colors(table))
+    corners = whole_numbers(corners, "a PLY face names a corner")
+    places, notes = triangle_places(corners, sizes, vertices)
+    uv = _texture_coordinates(table, corners, sizes)
+    faces, uv = corners[places], None if uv is None else uv[places]
+    return RawMesh(vertices, faces, _stacked(table, _NORMAL), table.notes + notes, _colors(table), uv)
 
 
 def read_ply_points(data: bytes) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"], bool]:
@@ -64,6 +70,22 @@ def _colors(table: Table) -> Float[np.ndarray, "v 3"] | None:
         return None
     kind = np.result_type(*(table.types["vertex"][name] for name in names))
     return found.astype(np.float64) if kind.kind == "f" else linear_rgb(found / np.iinfo(kind).max)
+
+
+def _texture_coordinates(
+    table: Table, corners: Int[np.ndarray, "c"], sizes: Int[np.ndarray, "p"]
+) -> Float[np.ndarray, "c 2"] | None:
+    """(u, 1 - v) of each corner of the polygons; None where the file has none, or too many or too few."""
+    values, counts = table.columns.get("face", {}).get("texcoord", (np.zeros(0), np.zeros(0, dtype=np.int64)))
+    if len(values) and np.array_equal(counts, 2 * sizes):
+        found = values.reshape(-1, 2)
+    else:
+        columns = [_stacked(table, names) for names in _TEXTURE]
+        known = next((column for column in columns if column is not None), None)
+        if known is None or np.any((corners < 0) | (corners >= len(known))):
+            return None
+        found = known[corners]
+    return found.astype(np.float64) * [1, -1] + [0, 1]
 
 
 def _shortest_axes(splats: Float[np.ndarray, "p 7"]) -> Float[np.ndarray, "p 3"]:

@@ -42,7 +42,15 @@ def triangulate(
     three corners, none. Corners may name vertices that do not exist: such polygons keep their fan and are refused
     later, with all other faces.
     """
-    faces, few = _fans(corners, sizes), int(np.count_nonzero(sizes < 3))
+    places, notes = triangle_places(corners, sizes, vertices)
+    return corners[places].astype(np.int64), notes
+
+
+def triangle_places(
+    corners: Int[np.ndarray, "c"], sizes: Int[np.ndarray, "p"], vertices: Num[np.ndarray, "v 3"]
+) -> tuple[Int[np.ndarray, "f 3"], tuple[str, ...]]:
+    """As `triangulate`, but each corner of a triangle as its place among `corners`: for what belongs to corners."""
+    faces, few = _fans(np.arange(len(corners)), sizes), int(np.count_nonzero(sizes < 3))
     notes = _note(few, "of fewer than three corners: left out")
     if sizes.max(initial=0) <= 3:
         return faces, notes
@@ -59,7 +67,7 @@ def triangulate(
         cut += 1
         place = ends[judged.number[k]] - judged.size[k] + 2
         kept[place + len(triangles) : ends[judged.number[k]]] = False
-        faces[place : place + len(triangles)] = own[triangles]
+        faces[place : place + len(triangles)] = judged.first[k] + triangles
     notes += _note(cut, "with concave or straight corners: cut inside the outline, not as a fan")
     notes += _note(crossing, "without an inside, crossing itself or twisted: cut as a fan from the first corner")
     bent = int(np.count_nonzero(judged.bent))

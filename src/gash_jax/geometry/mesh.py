@@ -62,6 +62,7 @@ class RawMesh(NamedTuple):
     normals: Num[np.ndarray, "v 3"] | None = None  # not finite or 0 where a vertex has none
     notes: tuple[str, ...] = ()  # what reading had to decide
     colors: Num[np.ndarray, "v 3"] | None = None  # linear RGB
+    uv: Num[np.ndarray, "f 3 2"] | None = None  # of the faces' corners, v downwards; not finite where one has none
 
 
 def referenced(mesh: Mesh) -> Bool[np.ndarray, "v"]:

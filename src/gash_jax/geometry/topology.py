@@ -105,7 +105,7 @@ def loop_labels(edge_vertices: Int[np.ndarray, "e 2"]) -> Int[np.ndarray, "e"]:
     return np.unique(labels[ends[:, 0]], return_inverse=True)[1]
 
 
-def weld(vertices: Float[np.ndarray, "v 3"]) -> Int[np.ndarray, "v"]:
+def weld(vertices: Float[np.ndarray, "v d"]) -> Int[np.ndarray, "v"]:
     """For each vertex, the number of its position: vertices at equal positions share one.
 
     Only for reasoning about the surface (STL corners, texture seams); the mesh itself is never welded.

@@ -3,11 +3,11 @@
 radiance_c = albedo_c * sum_k t_kc w_k L_kc with transfer t, one for all colours or one for each, radiance
 coefficients L and an optional window w. The transfer holds the 1/pi of the diffuse reflection, so constant light of
 radiance 1 shades an unoccluded vertex to exactly 1. Windows (`windows`) damp the ringing of small bright lights; they
-act here, never in files. With a lobe the radiance is what a glossy surface reflects towards a
-viewer instead (`gloss`).
+act here, never in files. With a lobe the radiance is what a glossy surface reflects towards a viewer instead (`gloss`).
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
@@ -16,7 +16,10 @@ from gash_jax.light.brdf import Lobe
 from gash_jax.light.container import LightLike, light_coefficients
 from gash_jax.light.gloss import glossy_radiance
 from gash_jax.light.windows import light_window
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import TransferLike, transfer_coefficients
+
+_TEXELS = 1 << 18  # that are shaded at once
 
 
 def shade(
@@ -71,6 +74,35 @@ def shade(
     else:
         leaving = jnp.einsum("vkc,kc->vc", coefficients, radiance, precision="highest")
     return leaving if factors is None else leaving * jnp.broadcast_to(factors, leaving.shape)
+
+
+def shade_texture(
+    texture: TransferTexture,
+    light: LightLike,
+    albedo: ArrayLike | Array | None = None,
+    window: str | ArrayLike | Array | None = None,
+) -> Float[np.ndarray, "n n 3"]:
+    """Linear radiance at each texel of a transfer texture; `albedo` is one colour (3,), `window` as for `shade`.
+
+    Raises ValueError as `shade`.
+
+    >>> square = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> uv = np.array([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]])
+    >>> texture = gash_jax.bake_texture(square, rays=16, size=8, uv=uv)
+    >>> gash_jax.shade_texture(texture, gash_jax.load_light("studio.hdr")).shape
+    (8, 8, 3)
+    """
+    if not isinstance(texture, TransferTexture):
+        raise ValueError(f"a {type(texture).__name__} is no TransferTexture: give what bake_texture returns")
+    if albedo is not None and np.shape(as_array(albedo)) != (3,):
+        raise ValueError(f"albedo has shape {np.shape(as_array(albedo))}: give one colour (3,) for all texels")
+    values = texture.texture
+    texels = values.reshape(-1, *values.shape[2:])
+    if isinstance(window, str):
+        window = light_window(np.asarray(light_coefficients(light))[: texels.shape[1]], window)
+    parts = [texels[start : start + _TEXELS].astype(np.float32) for start in range(0, len(texels), _TEXELS)]
+    shaded = [np.asarray(shade(part, light, albedo, window)) for part in parts]
+    return np.concatenate(shaded).reshape(*values.shape[:2], 3)
 
 
 def _factors(name: str, value: object, shapes: list[tuple[int, ...]]) -> Array:

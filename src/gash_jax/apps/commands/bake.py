@@ -1,4 +1,7 @@
-"""`gash bake` in its three ways: with a number of rays, to an error, or by the plan that a few pilot rays make."""
+"""`gash bake` in its three ways: with a number of rays, to an error, or by the plan that a few pilot rays make.
+
+With `--texture` it bakes texels in place of vertices.
+"""
 
 import time
 from pathlib import Path
@@ -23,6 +26,7 @@ from gash_jax.apps.options import (
 )
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
+from gash_jax.apps.texture_file import write_texture
 from gash_jax.files.atomic import check_writable
 from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
@@ -32,6 +36,8 @@ from gash_jax.prt.bake import bake_transfer, choose_replicates
 from gash_jax.prt.error_target import bake_to_error, check_error
 from gash_jax.prt.plan import Plan, plan_bake
 from gash_jax.prt.scene import load_points
+from gash_jax.prt.texture import MOST_TEXELS
+from gash_jax.prt.texture_bake import chosen_coordinates, lay_out
 from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
 
 
@@ -61,6 +67,12 @@ from gash_jax.prt.transfer import GLOSSY, Transfer, save_transfer
     metavar="0.6|R,G,B|vertex|FILE",
     help="With --bounces: one number, one colour, the vertices' colours, or a .npy or .npz file with one a vertex.",
 )
+@click.option("--texture", type=click.IntRange(1, MOST_TEXELS), help="Bake into a texture of so many texels squared.")
+@click.option(
+    "--uv",
+    type=click.Choice(["own", "atlas"]),
+    help="With --texture: the file's texture coordinates, or an atlas by xatlas.  [default: own, if it has some]",
+)
 @click.option("--points", "points_path", type=PATH, help="Bake these points with normals, or splats, instead (.ply).")
 @click.option("--occluders", type=PATH, multiple=True, help="A mesh that casts shadow, and gets none; repeatable.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the rays.")
@@ -80,6 +92,8 @@ def bake(
     components: int | None,
     bounces: int,
     albedo: str | None,
+    texture: int | None,
+    uv: str | None,
     points_path: Path | None,
     occluders: tuple[Path, ...],
     seed: int,
@@ -100,6 +114,12 @@ def bake(
         raise click.UsageError("--bounces and --albedo go together: give how often light bounces, and off what")
     if auto and (points_path or occluders):
         raise click.UsageError("--auto plans a mesh alone: give --rays or --error with --points and --occluders")
+    if texture and (to_error or glossy or points_path):
+        raise click.UsageError(
+            "--texture is baked with a number of rays, diffuse: leave out --error, --auto, --glossy and --points"
+        )
+    if uv and not texture:
+        raise click.UsageError("--uv says where texels lie: give it with --texture, such as --texture 512")
     if components is not None and (not glossy or bounces):
         raise click.UsageError("--components compresses visibility: give it with --glossy, and without --bounces")
     if components is not None and components > (2 * bands - 1) ** 2:
@@ -120,6 +140,11 @@ def bake(
     scene["occluders"] = [read_mesh(path, up)[0] for path in occluders]
     colors = None if albedo is None else read_albedo(albedo, [mesh, *occluders])
     read = time.perf_counter() - started
+    if texture:
+        options = {"occluders": scene["occluders"], "bounces": bounces, "albedo": colors, "replicates": replicates}
+        layout = lay_out(surface, texture, chosen_coordinates(mesh, uv))
+        write_texture(output, (surface, health), layout, bands, rays, {**options, "seed": seed}, quiet)
+        return
     plan = plan_bake(surface, error, bands=bands, light=light, seed=seed) if auto else None
     if plan is not None:
         say(plan_text(plan.to_dict()), quiet)

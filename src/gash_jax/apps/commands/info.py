@@ -108,6 +108,10 @@ def _archive(path: Path) -> dict[str, Any]:
         from gash_jax.prt.transfer import load_transfer
 
         load_transfer(path)
+    if kind == "transfer-texture":
+        from gash_jax.prt.texture import load_texture
+
+        load_texture(path)
     if kind == "light":
         from gash_jax.light.environment import load_light
 

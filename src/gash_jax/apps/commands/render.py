@@ -1,5 +1,6 @@
-"""`gash render`: a relit picture of a transfer file from several sides, diffuse or glossy."""
+"""`gash render`: a relit picture of a transfer or texture file from several sides, diffuse or glossy."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -7,16 +8,28 @@ import numpy as np
 
 from gash_jax.apps.options import LIGHT_HELP, PATH, Command, layout_option, output_option, quiet_option
 from gash_jax.apps.pictures.montage import check_picture, montage, write_picture
-from gash_jax.apps.pictures.views import VIEWS, cast_view, exposure_for, shade_view, to_srgb, toward_camera
+from gash_jax.apps.pictures.views import (
+    VIEWS,
+    Hit,
+    Picture,
+    cast_view,
+    exposure_for,
+    look_up_view,
+    shade_view,
+    to_srgb,
+    toward_camera,
+)
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.rotate_option import rotate_option
 from gash_jax.files.atomic import check_writable
+from gash_jax.files.npz import names_in_npz
 from gash_jax.light.brdf import Lobe, ggx, phong
-from gash_jax.light.environment import load_light, rotate_light
-from gash_jax.light.shading import shade
+from gash_jax.light.environment import Light, load_light, rotate_light
+from gash_jax.light.shading import shade, shade_texture
 from gash_jax.light.windows import DIP, WINDOWS, kept, light_window
-from gash_jax.prt.transfer import load_transfer
+from gash_jax.prt.texture import TransferTexture, load_texture
+from gash_jax.prt.transfer import Transfer, load_transfer
 
 
 @click.command(cls=Command, epilog="gash render bunny.npz --light studio.hdr -o bunny.png --view front --view back")
@@ -60,7 +73,10 @@ def render(
     lobe = _lobe(exponent, roughness)
     check_writable(output, [transfer, light_path])
     check_picture(output)
-    lit = load_transfer(transfer)
+    textured = "texture" in names_in_npz(transfer)
+    if textured and lobe is not None:
+        raise click.UsageError(f"{transfer} is a texture, which is diffuse: leave out --exponent and --roughness")
+    lit = load_texture(transfer) if textured else load_transfer(transfer)
     with progress_bar(f"projecting {light_path.name}", quiet) as update:
         light = load_light(light_path, lit.bands, layout, update)
     for note in light.metadata.get("notes", []):
@@ -69,14 +85,11 @@ def render(
     factors = None if window is None else light_window(light, window)
     if factors is not None:
         say(f"  window {window} keeps {kept(factors)}", quiet)
-    diffuse = np.asarray(shade(lit, light, window=factors)) if lobe is None else None  # the same for every view
     images = []
     with progress_bar("rendering", quiet) as update:
+        draw = _drawing(lit, light, lobe, factors)
         for step, view in enumerate(views):
-            radiance = diffuse
-            if radiance is None:
-                radiance = np.asarray(shade(lit, light, window=factors, view=toward_camera(lit.mesh, view), lobe=lobe))
-            images.append(shade_view(cast_view(lit.mesh, view, size), radiance))
+            images.append(draw(view, cast_view(lit.mesh, view, size)))
             update(step + 1, len(views))
     exposure = exposure_for(images)
     panels = [(view, to_srgb(image, covered, exposure)) for view, (image, covered) in zip(views, images, strict=True)]
@@ -94,6 +107,21 @@ def _negative(images: list[tuple[np.ndarray, np.ndarray]]) -> str:
     if not below.any():
         return ""
     return f"{below.sum()} of {len(pixels)} pixels of the mesh are negative in a colour ({below.mean():.1%})"
+
+
+def _drawing(
+    lit: Transfer | TransferTexture, light: Light, lobe: Lobe | None, factors: np.ndarray | None
+) -> Callable[[str, Hit], Picture]:
+    """What makes a picture of a view; what all views share is shaded once. `factors` are those of the window."""
+    if isinstance(lit, TransferTexture):
+        image, uv = shade_texture(lit, light, window=factors), lit.uv
+        return lambda view, hit: look_up_view(hit, uv, image)
+    if lobe is None:
+        radiance = np.asarray(shade(lit, light, window=factors))
+        return lambda view, hit: shade_view(hit, radiance)
+    return lambda view, hit: shade_view(
+        hit, np.asarray(shade(lit, light, window=factors, view=toward_camera(lit.mesh, view), lobe=lobe))
+    )
 
 
 def _lobe(exponent: float | None, roughness: float | None) -> Lobe | None:

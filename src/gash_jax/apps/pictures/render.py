@@ -16,17 +16,27 @@ from gash_jax.algebra.arguments import (
     shown,
     whole_number,
 )
-from gash_jax.apps.pictures.views import VIEWS, Camera, cast_view, exposure_for, shade_view, to_srgb, toward_camera
+from gash_jax.apps.pictures.views import (
+    VIEWS,
+    Camera,
+    cast_view,
+    exposure_for,
+    look_up_view,
+    shade_view,
+    to_srgb,
+    toward_camera,
+)
 from gash_jax.formats.meshes import as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.brdf import Lobe
 from gash_jax.light.environment import LightLike, rotate_light
-from gash_jax.light.shading import shade
+from gash_jax.light.shading import shade, shade_texture
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import Transfer
 
 
 def render(
-    transfer: Transfer,
+    transfer: Transfer | TransferTexture,
     light: LightLike,
     *,
     rotation: ArrayLike | Array | None = None,
@@ -44,8 +54,9 @@ def render(
     pictures.
     `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
     degrees; the mesh fills the frame. `albedo`, `lobe` and `window` are as for `shade`: with a lobe the picture is what
-    a glossy surface reflects towards the camera. Negative radiance, which `shade` gives, is drawn black. Raises
-    ValueError for options out of range.
+    a glossy surface reflects towards the camera. A TransferTexture is looked up at every sample of every pixel; it takes
+    one colour as albedo, and no lobe. Negative radiance, which `shade` gives, is drawn black. Raises ValueError for
+    options out of range.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> image = gash_jax.render(transfer, gash_jax.load_light("studio.hdr"), exposure=1.0, size=64)
@@ -55,12 +66,19 @@ def render(
     factor = real_number(exposure)
     if exposure is not None and not (factor and factor > 0):
         raise ValueError(f"exposure is {shown(exposure)}: use a number above 0, or None to choose one from the picture")
-    mesh, size = drawn_mesh(transfer), whole_number(size, "size", 16, 4096)
+    size = whole_number(size, "size", 16, 4096)
+    mesh = as_mesh(transfer.mesh) if isinstance(transfer, TransferTexture) else drawn_mesh(transfer)
     turned = light if rotation is None else rotate_light(light, rotation)
     camera = checked_camera(camera)
-    view = None if lobe is None else toward_camera(mesh, camera)
-    radiance = finite_radiance(transfer, turned, albedo, view, lobe, window)
-    picture = shade_view(cast_view(mesh, camera, size), radiance)
+    if isinstance(transfer, TransferTexture):
+        if lobe is not None:
+            raise ValueError("a transfer texture is diffuse: leave out the lobe, or bake vertices with glossy=True")
+        radiance = _finite(shade_texture(transfer, turned, albedo, window))
+        picture = look_up_view(cast_view(mesh, camera, size), transfer.uv, radiance)
+    else:
+        view = None if lobe is None else toward_camera(mesh, camera)
+        radiance = finite_radiance(transfer, turned, albedo, view, lobe, window)
+        picture = shade_view(cast_view(mesh, camera, size), radiance)
     return to_srgb(*picture, factor or exposure_for([picture]))
 
 
@@ -73,7 +91,10 @@ def finite_radiance(
     window: str | ArrayLike | Array | None = None,
 ) -> Float[np.ndarray, "v 3"]:
     """Radiance of every vertex, as `shade` gives it. Raises ValueError where it cannot be drawn."""
-    radiance = np.asarray(shade(transfer, light, albedo, window, view=view, lobe=lobe), np.float32)
+    return _finite(np.asarray(shade(transfer, light, albedo, window, view=view, lobe=lobe), np.float32))
+
+
+def _finite(radiance: Float[np.ndarray, "*shape 3"]) -> Float[np.ndarray, "*shape 3"]:
     if not np.isfinite(radiance).all():
         raise ValueError("the relit radiance is not finite: look for nan and inf in the transfer, light and albedo")
     return radiance

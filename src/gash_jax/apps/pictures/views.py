@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from gash_jax.geometry.bilinear import lookup
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.visibility import closest_hit
@@ -30,11 +31,16 @@ VIEWS = {
 }
 
 
+# the image, 0 beside the mesh, and the covered share of each pixel
+Picture: TypeAlias = tuple[np.ndarray, np.ndarray]
+
+
 class Hit(NamedTuple):
     """What every pixel sample of a view sees: corners of the face and their weights; empty pixels have weight 0."""
 
     corners: np.ndarray  # (h, w, 3) vertex indices
     weights: np.ndarray  # (h, w, 3) float32
+    face: np.ndarray  # (h, w), -1 where nothing
 
 
 if TYPE_CHECKING:  # the name of a view, or azimuth and elevation in degrees
@@ -72,7 +78,7 @@ def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512) -> Hit:
     corners = mesh.faces[np.where(found, hits.face, 0)]
     weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], -1) * found[:, None]
     shape = (size * SAMPLES, size * SAMPLES, 3)
-    return Hit(corners.reshape(shape), weights.reshape(shape).astype(np.float32))
+    return Hit(corners.reshape(shape), weights.reshape(shape).astype(np.float32), hits.face.reshape(shape[:2]))
 
 
 def toward_camera(mesh: Mesh, view: Camera = "front") -> Float[np.ndarray, "v 3"]:
@@ -81,12 +87,21 @@ def toward_camera(mesh: Mesh, view: Camera = "front") -> Float[np.ndarray, "v 3"
     return (apart / np.linalg.norm(apart, axis=1, keepdims=True)).astype(np.float32)
 
 
-def shade_view(
-    hit: Hit, values: Float[np.ndarray, "v c"]
-) -> tuple[Float[np.ndarray, "h w c"], Float[np.ndarray, "h w"]]:
-    """Interpolate per-vertex values over the faces, average the samples of each pixel; image (0 beside the mesh)
-    and the covered share of each pixel."""
-    image = np.einsum("hwj,hwjc->hwc", hit.weights, values[hit.corners])
+def shade_view(hit: Hit, values: Float[np.ndarray, "v c"]) -> Picture:
+    """Interpolate per-vertex values over the faces, and average the samples of each pixel."""
+    return _averaged(hit, np.einsum("hwj,hwjc->hwc", hit.weights, values[hit.corners]))
+
+
+def look_up_view(hit: Hit, uv: Float[np.ndarray, "f 3 2"], image: Float[np.ndarray, "n n c"]) -> Picture:
+    """As `shade_view`, but every sample looks its value up in a texture, bilinearly."""
+    seen = hit.face >= 0
+    values = np.zeros((*hit.face.shape, image.shape[-1]))
+    values[seen] = lookup(image, np.einsum("sj,sji->si", hit.weights[seen], uv[hit.face[seen]]))
+    return _averaged(hit, values)
+
+
+def _averaged(hit: Hit, image: Float[np.ndarray, "h w c"]) -> Picture:
+    """The mean of the samples of each pixel."""
     channels = np.concatenate([image, hit.weights.sum(-1, keepdims=True)], -1)
     height, width = channels.shape[:2]
     pixels = channels.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, -1).mean((1, 3))
