@@ -28,7 +28,8 @@ from gash_jax.algebra.sh import evaluate_sh
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh, subdivide_midpoint
 from gash_jax.measure.provenance import provenance
-from gash_jax.prt.bake import bake_transfer, draw_shifts
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.bounces import Exchange, checked_albedo
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.rays import Hits, RayQuery, trace_geometry
@@ -56,7 +57,7 @@ def black_behind(mesh: Mesh, query: RayQuery) -> RayQuery:
 
 
 def baked_black(mesh: Mesh, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nine coefficients of every vertex, of direct light and of bounced, the latter with Mitsuba's rule of what is black.
+    """Nine coefficients of every vertex, of direct light and of bounced, with Mitsuba's rule of what is black.
 
     The rays are those of `bake_transfer`.
     """

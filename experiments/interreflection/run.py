@@ -34,8 +34,10 @@ from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.measure.metrics import calibration, relrmse
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
-from gash_jax.prt.bake import bake_transfer, draw_shifts, replicate_error
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.bounces import Exchange, checked_albedo
+from gash_jax.prt.error_bars import replicate_error
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.tracing import active_rows

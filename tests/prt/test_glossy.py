@@ -11,7 +11,8 @@ from gash_jax.algebra.gaunt import gaunt_terms, product_matrices
 from gash_jax.algebra.sh import band_index
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import transform
-from gash_jax.prt.bake import bake_transfer, draw_shifts
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.glossy import bake_gloss, gloss_entries, glossy_matrices
 from gash_jax.prt.plan import plan_bake
 from gash_jax.prt.tracing import Rows

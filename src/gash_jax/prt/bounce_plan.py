@@ -14,7 +14,7 @@ import numpy as np
 from gash_jax.algebra.arguments import WholeNumber, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
-from gash_jax.prt.bake import choose_replicates
+from gash_jax.prt.bake_job import choose_replicates
 from gash_jax.prt.bounces import MOST_BOUNCES, MOST_KEPT, Exchange, checked_albedo
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.plan import SAMPLE, transfer_bytes
