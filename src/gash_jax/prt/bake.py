@@ -26,7 +26,7 @@ from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.bake_job import Job, choose_replicates, make_job, range_of
 from gash_jax.prt.bounces import MOST_BOUNCES, Estimate, Exchange, checked_albedo, describe_albedo
 from gash_jax.prt.error_bars import replicate_error
-from gash_jax.prt.glossy import bake_gloss, gloss_entries
+from gash_jax.prt.glossy import bake_gloss, check_reflections, gloss_entries
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.reflection import Reflected
 from gash_jax.prt.scene import as_occluders, as_points, make_scene
@@ -97,10 +97,7 @@ def bake_transfer(
     started = time.perf_counter()
     scene = make_scene(mesh, receivers, blockers)
     colours = checked_albedo(1 if albedo is None and not bounces else albedo, len(scene.surface.vertices))
-    if glossy and bounces and colours.shape[1] == 3:
-        raise ValueError(
-            "glossy transfer has no room for coloured reflections: give a grey albedo, one number a vertex"
-        )
+    check_reflections(glossy, coloured=bounces > 0 and colours.shape[1] == 3)
     scene = scene if bounces else scene.receivers_alone()  # light that bounces comes from all surfaces
     query = ray_query(*scene.geometry[:2], "closest" if bounces else "any", backend)
     built = time.perf_counter()

@@ -37,6 +37,14 @@ from gash_jax.prt.transfer import Transfer
 RAY_WEIGHT = 2 * pi  # of one of n uniform rays, times n: the hemisphere
 
 
+def check_reflections(glossy: bool, coloured: bool) -> None:
+    """Raise ValueError for glossy transfer off coloured surfaces: matrices are of one colour."""
+    if glossy and coloured:
+        raise ValueError(
+            "glossy transfer has no room for coloured reflections: give a grey albedo, one number a vertex"
+        )
+
+
 def gloss_sums(bands: int, reflected: Reflected | None = None) -> Integrand:
     """Visibility in 2 bands - 1 bands, in the world, or with reflected light matrices, flat: for each vertex the mean
     of its replicates and its scatter, the standard error of that mean; of one replicate 0."""
