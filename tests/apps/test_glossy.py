@@ -69,6 +69,7 @@ def test_components_are_written_and_expanded() -> None:
     assert small.visibility is not None and whole.visibility is not None
     assert 0 < small.metadata["compression"]["relative_error"] < 0.1
     assert np.load("small.npz")["visibility_weights"].shape == (len(whole.vertices), 16)
+    assert whole.visibility_error is not None and small.visibility_error is None
     apart = np.linalg.norm(small.visibility.astype(float) - whole.visibility) / np.linalg.norm(
         whole.visibility.astype(float)
     )
@@ -109,7 +110,7 @@ def test_plan_counts_rays_and_bytes(capsys: pytest.CaptureFixture) -> None:
         plans.append(json.loads(capsys.readouterr().out))
     plain, glossy = plans
     assert glossy["rays_total"] == pytest.approx(2 * plain["rays_total"], rel=0.01)
-    assert glossy["bytes"] - plain["bytes"] == 2 * 25 * plain["vertices"]
+    assert glossy["bytes"] - plain["bytes"] == 2 * 2 * 25 * plain["vertices"]
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,8 @@ def bake_transfer(
     MeshError for what is no mesh.
 
     `glossy` traces as many rays again for the `visibility` of which `glossy_matrices` and `shade` with a lobe make
-    glossy transfer, in float16, its errors in `metadata`; with bounces, off grey surfaces, for `matrices` in its place.
+    glossy transfer, in float16, with its standard error; with bounces, off grey surfaces, for `matrices` in its place,
+    their error in `metadata`.
 
     `points` (p, 3) with unit `normals` (p, 3), 0 where a point has none, receive light in place of the mesh's vertices.
     `occluders`, a list of meshes, cast shadows and bounce light, and get no coefficients. `albedo` is a number, a
@@ -169,10 +170,14 @@ def _gloss(
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Visibility, or matrices of light that bounced as well, in float16 by name, and what metadata says of it."""
     name, shape = ("matrices", (bands**2,) * 2) if bounced else ("visibility", ((2 * bands - 1) ** 2,))
-    gloss, own = np.zeros((job.count, *shape), np.float16), job.own
+    held, own = {name: np.zeros((job.count, *shape), np.float16)}, job.own
+    if job.replicates > 1 and not bounced:
+        held["visibility_error"] = np.zeros_like(held[name])
     if not len(own):
-        return {name: gloss}, {}
+        return held, {}
     uniform = job.rows._replace(shifts=job.other_shifts())
     found, error = bake_gloss(uniform, bands, job.rays, job.query, job.part, reflected, progress)
-    gloss[own] = found.reshape(-1, *shape)
-    return {name: gloss}, {name: gloss_entries(found, error)}
+    held[name][own] = found.reshape(-1, *shape)
+    if "visibility_error" in held:
+        held["visibility_error"][own] = error
+    return held, {name: gloss_entries(found, error)}
