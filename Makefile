@@ -36,14 +36,15 @@ suite:
 	$(VENV)/bin/python -m pytest -m "not optimised"; code=$$?; \
 	$(VENV)/bin/python -m pytest -m optimised $$(grep -rl mark.optimised tests --include=test_*.py) && exit $$code
 
-# our attention layers against PyTorch Geometric's, live; torch is heavy, so it has an environment of its own
+# our attention layers against PyTorch Geometric's, rotations against e3nn's, light that bounces against Mitsuba's, live;
+# torch is heavy, so they have an environment of their own
 PEERS := $(VENV)-peers
 peers: $(PEERS)/.installed
 	$(PEERS)/bin/python -m pytest -n 0 tests/peers
 
 $(PEERS)/.installed: $(STAMP) requirements/peers.txt
 	@test -x $(PEERS)/bin/python || $(PYTHON) -m venv $(PEERS)
-	@echo "installing the locked packages, PyTorch Geometric, e3nn and Dr.Jit into $(PEERS) (3 minutes)"
+	@echo "installing the locked packages, PyTorch Geometric, e3nn and Mitsuba into $(PEERS) (3 minutes)"
 	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt \
 	  -r requirements/$$($(PEERS)/bin/python -c 'import sys; print("lock-%d.%d.txt" % sys.version_info[:2])')
 	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .

@@ -27,6 +27,31 @@ def cavity_table(result: dict[str, Any]) -> str:
     return f"{found}\n\n{sizes}; {origin(result)}, seed {result['seed']}."
 
 
+def mitsuba_table(result: dict[str, Any]) -> str:
+    """How far the coefficients are from Mitsuba's, by our rule of what is black and by its own."""
+    header = [
+        "mesh, vertices",
+        "bounced light",
+        "difference",
+        "95 %",
+        "constant light",
+        "by Mitsuba's rule",
+        "95 %",
+        "",
+    ]
+    rows = []
+    for row in result["rows"]:
+        cells = []
+        for one in (row, row["black"]):
+            low, high = (max(one[name], 0.0) for name in ("low", "high"))
+            cells += [f"{max(one['difference'], 0.0):.2%}", f"{low:.2%} to {high:.2%}", f"{one['constant']:+.2%}"]
+        rows.append([f"{row['mesh']}, {row['vertices']}", f"{row['bounced']:.1%}", *cells])
+    sizes = f"{result['bounces']} bounces, albedo {result['albedo']:g}; {result['sampled_vertices']} vertices a mesh"
+    rays = f"{result['baked']} rays and {result['rendered']} paths a vertex, twice each"
+    found = table([*header[:-1], "constant light"], rows)
+    return f"{found}\n\n{sizes}, {rays}; Mitsuba {result['mitsuba']}; {origin(result)}, seed {result['seed']}."
+
+
 def bounce_speed_table(result: dict[str, Any]) -> str:
     """What bounces add to the direct bake of the same rays, and the memory of a large bake."""
     header = [

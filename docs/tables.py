@@ -116,6 +116,7 @@ TABLES = (
     Table("docs/transport.md", "COMPOSITIONS", rotation_tables.composition_table, ROTATION),
     Table("docs/transport.md", "TURNED ERROR BARS", rotation_tables.error_bar_table, ROTATION),
     Table("docs/transport.md", "CAVITY", bounce_tables.cavity_table, "interreflection.json"),
+    Table("docs/transport.md", "MITSUBA", bounce_tables.mitsuba_table, "against_mitsuba.json"),
     Table("docs/transport.md", "BOUNCE SPEED", bounce_tables.bounce_speed_table, "bounce_speed.json"),
     Table("docs/transport.md", "GLOSS INTEGRAL", gloss_tables.integral_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS BANDS", gloss_tables.bands_table, "gloss.json"),

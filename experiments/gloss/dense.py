@@ -49,10 +49,10 @@ def only(mesh: Mesh, chosen: np.ndarray) -> Mesh:
     return mesh._replace(normals=normals)
 
 
-def dense_rays(mesh: Mesh, chosen: np.ndarray, rays: int, seed: int) -> Iterator[Rays]:
+def dense_rays(mesh: Mesh, chosen: np.ndarray, rays: int, seed: int, backend: str = "embree") -> Iterator[Rays]:
     """Blocks of vertices with `rays` uniform rays each."""
     geometry, rng = trace_geometry(mesh), np.random.default_rng([seed, 1])
-    visible = visibility(geometry.vertices, geometry.faces)
+    visible = visibility(geometry.vertices, geometry.faces, backend)
     frames = np.asarray(orthonormal_frame(mesh.normals[chosen]), np.float32)
     shifts = rng.random((len(chosen), REPLICATES, 2), np.float32)
     for start in range(0, len(chosen), BLOCK):

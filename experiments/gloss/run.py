@@ -10,13 +10,14 @@ On vertices of five generated meshes under the generated studio:
     components  PCA of the visibility: bytes against error
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.options import options, saved
 from experiments.gloss.components import component_curves
-from experiments.gloss.dense import Integral, Kernel, choose_vertices, dense_rays, integrate, only
+from experiments.gloss.dense import Integral, Kernel, Rays, choose_vertices, dense_rays, integrate, only
 from gash_jax.algebra.sh import hann_window
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.brdf import Lobe, ggx, phong
@@ -66,6 +67,7 @@ def cut(transfer: Transfer, bands: int) -> Transfer:
         coefficients=transfer.coefficients[:, : bands**2],
         standard_error=None,
         visibility=transfer.visibility[:, : (2 * bands - 1) ** 2],
+        visibility_error=None,
     )
 
 
@@ -84,24 +86,10 @@ def against_dense_rays(mesh: Mesh, image: np.ndarray, vertices: int, rays: int, 
     coarse = [bake_transfer(sparse, GATE, 256, glossy=True, seed=seed) for seed in range(seeds)]
     integral, bands = [], []
     for angle in ANGLES:
+        full = whole_radiance(dense_rays(mesh, chosen, rays, SEED), image, normals, angle)
+        bands += cut_to_bands(full, fine, light, chosen, angle)
         toward = viewers(normals, angle)
-        everywhere = np.zeros_like(mesh.normals)
-        everywhere[chosen] = toward
-        axis = mirrored(normals, toward)
-        kernels = {name: whole_lobe(axis, EXPONENTS[name]) for name in EXPONENTS}
-        kernels |= {name: facets(normals, toward, ROUGHNESS[name] ** 2) for name in ROUGHNESS}
-        full = integrate(dense_rays(mesh, chosen, rays, SEED), lambda w: map_radiance(image, w), kernels)
-        # what a lobe reflects of a white surroundings is taken out of the microfacets, as their lobe is normalised
-        for name in ROUGHNESS:
-            full[name] = Integral(*(part / reflected_share(angle, ROUGHNESS[name] ** 2) for part in full[name]))
-        for name, lobe in LOBES.items():
-            row: dict = {"lobe": name, "angle": angle, "dense_error": _size(full[name])}
-            for count in BANDS:
-                found = np.asarray(shade(cut(fine, count), light, view=everywhere, lobe=lobe))[chosen]
-                row[str(count)] = relative(found, full[name].value)
-            window = hann_window(max(BANDS), max(BANDS) + 2)
-            found = np.asarray(shade(fine, light, window=window, view=everywhere, lobe=lobe))[chosen]
-            bands.append(row | {"windowed": relative(found, full[name].value)})
+        everywhere, axis = _everywhere(mesh, chosen, toward), mirrored(normals, toward)
         few = {name: _cut_lobe(axis, lobe) for name, lobe in LOBES.items()}
         exact = integrate(dense_rays(mesh, chosen, rays, SEED), lambda w: harmonics(w, GATE) @ light[: GATE**2], few)
         for name, lobe in LOBES.items():
@@ -109,6 +97,45 @@ def against_dense_rays(mesh: Mesh, image: np.ndarray, vertices: int, rays: int, 
             row = {"lobe": name, "angle": angle, "score": score(bakes, exact[name]), "dense_error": _size(exact[name])}
             integral.append(row | {"bake_error": relative(bakes[0], exact[name].value)})
     return integral, bands
+
+
+def whole_radiance(blocks: Iterator[Rays], image: np.ndarray, normals: np.ndarray, angle: int) -> dict[str, Integral]:
+    """Radiance of each lobe, or its microfacets, in no bands at all; `normals` are those of the rays' vertices.
+
+    What a lobe reflects of white surroundings is taken out of the microfacets, as their lobe is normalised.
+    """
+    toward = viewers(normals, angle)
+    axis = mirrored(normals, toward)
+    kernels = {name: whole_lobe(axis, EXPONENTS[name]) for name in EXPONENTS}
+    kernels |= {name: facets(normals, toward, ROUGHNESS[name] ** 2) for name in ROUGHNESS}
+    full = integrate(blocks, lambda w: map_radiance(image, w), kernels)
+    for name in ROUGHNESS:
+        full[name] = Integral(*(part / reflected_share(angle, ROUGHNESS[name] ** 2) for part in full[name]))
+    return full
+
+
+def cut_to_bands(
+    full: dict[str, Integral], fine: Transfer, light: np.ndarray, chosen: np.ndarray, angle: int
+) -> list[dict]:
+    """Rows of `bands`: shading the chosen vertices of a bake against their whole radiance."""
+    everywhere = _everywhere(fine.mesh, chosen, viewers(fine.normals[chosen].astype(np.float64), angle))
+    rows = []
+    for name, lobe in LOBES.items():
+        row: dict = {"lobe": name, "angle": angle, "dense_error": _size(full[name])}
+        for count in BANDS:
+            found = np.asarray(shade(cut(fine, count), light, view=everywhere, lobe=lobe))[chosen]
+            row[str(count)] = relative(found, full[name].value)
+        window = hann_window(max(BANDS), max(BANDS) + 2)
+        found = np.asarray(shade(fine, light, window=window, view=everywhere, lobe=lobe))[chosen]
+        rows.append(row | {"windowed": relative(found, full[name].value)})
+    return rows
+
+
+def _everywhere(mesh: Mesh, chosen: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """Directions towards the viewer for the chosen vertices, 0 for the others."""
+    result = np.zeros_like(mesh.normals)
+    result[chosen] = toward
+    return result
 
 
 def _size(integral: Integral) -> float:

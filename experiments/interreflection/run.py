@@ -8,7 +8,8 @@ wall to every vertex alike: for an opening of half-angle a about an axis, f = (1
     t^n_k = t^0_k + sin² a / 4 (A_l / pi) Y_k(axis) sum over q = 1 .. n of r^q (1 - f)^(q-1).
 
 The axis is slanted, so that all nine coefficients are there; the rim has 64 segments. The direct transfer of this very
-mesh is a boundary integral over the rim (`tests/helpers/transfer_formulas.py`). For every opening, albedo and number of
+mesh is a boundary integral over the rim (`tests/helpers/transfer_formulas.py`); on the rim of half a sphere, where that
+integral runs through the point itself, it is a quarter of the sky. For every opening, albedo and number of
 bounces, over all vertices and coefficients:
 
     light     what constant light of radiance 1 makes of it, mean over vertices and seeds, beside the closed form
@@ -34,17 +35,26 @@ from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.measure.metrics import calibration, relrmse
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed
-from gash_jax.prt.bake import bake_transfer, draw_shifts, replicate_error
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.bounces import Exchange, checked_albedo
+from gash_jax.prt.error_bars import replicate_error
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.tracing import active_rows
 from gash_jax.prt.visibility import ray_query
 from tests.helpers.closed_forms import LIFT
 from tests.helpers.radiosity import AXIS, cavity_gain, slanted_cavity
-from tests.helpers.transfer_formulas import Y00, cavity_ao, free_transfer, polygon_transfer
+from tests.helpers.transfer_formulas import (
+    Y00,
+    cavity_ao,
+    free_transfer,
+    groove_transfer,
+    polygon_transfer,
+    rotation9,
+)
 
-DEGREES, ALBEDOS, BOUNCES = (30, 50, 70, 85, 120), (0.2, 0.5, 0.8, 0.95, 1.0), 8
+DEGREES, ALBEDOS, BOUNCES = (30, 50, 70, 90, 120), (0.2, 0.5, 0.8, 0.95, 1.0), 8
 RESOLUTION, RAYS, REPLICATES, SEEDS = 16, 1024, 4, 20
 
 
@@ -56,7 +66,16 @@ def direct_transfer(mesh: Mesh) -> np.ndarray:
     opening = polygon_transfer(points, normals, rim)
     # lifted from the rim of a shallow bowl, a ray starts outside: what it does not see lies behind the opening
     outside = points @ AXIS > (rim @ AXIS).max()
-    return np.where(outside[:, None], free_transfer(normals) - opening, opening)
+    found = np.where(outside[:, None], free_transfer(normals) - opening, opening)
+    if np.abs(rim @ AXIS).max() < 1e-6:  # half a sphere: rays from the rim start in the plane of the opening
+        found[-len(rim) :] = [quarter_sky(normal) for normal in normals[-len(rim) :]]
+    return found
+
+
+def quarter_sky(normal: np.ndarray) -> np.ndarray:
+    """Nine coefficients of a vertex that sees what is above its horizon and on the side of `AXIS`, at right angles."""
+    frame = np.stack([AXIS, np.cross(normal, AXIS), normal], axis=1)
+    return rotation9(frame) @ groove_transfer(np.pi / 2)
 
 
 def exchange(mesh: Mesh, seed: int) -> Exchange:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from gash_jax.geometry.health import HealthReport
     from gash_jax.geometry.mesh import Mesh, MeshError
     from gash_jax.light.brdf import Lobe, ggx, phong
-    from gash_jax.light.conversion import from_convention, to_convention
     from gash_jax.light.compression import (
         Compressed,
         compress_light,
@@ -32,14 +31,11 @@ if TYPE_CHECKING:
         expand_light,
         expand_transfer,
     )
+    from gash_jax.light.conversion import from_convention, to_convention
     from gash_jax.light.environment import Light, load_light, project_light, rotate_light, save_light
-from gash_jax.light.shading import (
-    directional_light,
-    shade,
-    shade     from gash_jax.light.sky import sun_sky_light     from gash_jax.light.sources import constant_light,
-    shade_texture,
-    sphere_light,
-)
+    from gash_jax.light.shading import shade, shade_texture
+    from gash_jax.light.sky import sun_sky_light
+    from gash_jax.light.sources import constant_light, directional_light, sphere_light
     from gash_jax.light.studio import studio_light
     from gash_jax.light.windows import light_window
     from gash_jax.models.deforming import deforming_predictor

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.gloss.components import pca_errors
 from experiments.gloss.dense import Integral, choose_vertices, dense_rays, integrate, only
-from experiments.gloss.run import facets, ggx_fit, reflected_share, score, whole_lobe
+from experiments.gloss.run import facets, ggx_fit, reflected_share, relative, score, whole_lobe, whole_radiance
 from gash_jax.light.brdf import phong
 from gash_jax.light.environment import project_map
 from gash_jax.light.shading import shade
@@ -58,6 +58,21 @@ def test_shading_is_the_band_limited_integral_within_its_error() -> None:
     every = (rays._replace(free=np.ones_like(rays.free)) for rays in dense_rays(mesh, chosen, 8192, 1))
     unshadowed = integrate(every, radiance, kernel)
     assert score(bakes, unshadowed[""]) > 5
+
+
+def test_brute_force_gives_the_rays_and_the_radiance_of_embree() -> None:
+    """All but rays that graze an edge, and the whole lobe's radiance with them; known bad: no shadows."""
+    mesh, image = bumpy_sphere(8), studio_light(32)
+    chosen = choose_vertices(mesh, 8, 2)
+    normals = mesh.normals[chosen].astype(np.float64)
+    embree, brute = (list(dense_rays(mesh, chosen, 1024, 1, backend)) for backend in ("embree", "jax"))
+    free = [np.concatenate([rays.free for rays in blocks]) for blocks in (embree, brute)]
+    assert np.mean(free[0] != free[1]) < 1e-3 < 0.05 < np.mean(~free[1])
+    found = [whole_radiance(iter(blocks), image, normals, 45) for blocks in (embree, brute)]
+    for name, integral in found[0].items():
+        assert relative(integral.value, found[1][name].value) < 2e-3
+    every = (rays._replace(free=np.ones_like(rays.free)) for rays in brute)
+    assert relative(whole_radiance(every, image, normals, 45)["Phong 10"].value, found[1]["Phong 10"].value) > 0.02
 
 
 def test_scores_by_hand() -> None:

@@ -8,7 +8,8 @@ import pytest
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.geometry.mesh import transform
-from gash_jax.prt.bake import bake_transfer, choose_replicates
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import choose_replicates
 from gash_jax.prt.error_bars import standard_error_floor
 from gash_jax.shapes.primitives import bumpy_sphere, icosphere, spherical_bowl, v_groove
 

@@ -30,6 +30,23 @@ def test_rays_hits_and_bytes_are_those_of_the_bake(
     assert plan.reflected_rays == pytest.approx(0.75, abs=0.1) and plan.seconds > 0
 
 
+@pytest.mark.parametrize("bands", [2, 4])
+def test_glossy_bakes_take_as_many_rays_again_and_their_matrices(bands: int, tmp_path: Path) -> None:
+    plain, plan = (plan_bounces(BOWL, 2, 32, bands=bands, glossy=glossy) for glossy in (False, True))
+    baked = bake_transfer(BOWL, bands, 32, bounces=2, albedo=0.5, glossy=True)
+    save_transfer(tmp_path / "t.npz", baked)
+    size = (tmp_path / "t.npz").stat().st_size
+    assert plan.bytes <= size <= plan.bytes + 8192
+    assert plan.bytes - plain.bytes == 2 * bands**4 * 257
+    assert (plan.rays_total, plan.rays_per_vertex) == (baked.metadata["rays_total"], 64)
+    assert plan.memory - plain.memory == 22 * bands**4 * 257 and plan.seconds > 0
+
+
+def test_matrices_of_coloured_light_are_refused_before_anything_is_traced() -> None:
+    with pytest.raises(ValueError, match="give a grey albedo"):
+        plan_bounces(BOWL, 1, 16, coloured=True, glossy=True)
+
+
 def test_what_does_not_fit_into_memory_is_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = plan_bounces(BOWL, 2, 32)
     hits = whole.memory - 4 * 257 * 4 * 9 * 3

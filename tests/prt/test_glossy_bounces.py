@@ -6,7 +6,8 @@ import pytest
 from gash_jax.algebra.closed_forms import hemisphere
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.algebra.sh import band_index
-from gash_jax.prt.bake import bake_transfer, draw_shifts
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.glossy import glossy_matrices
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.sampling import UNIFORM, sample_rays

@@ -95,6 +95,22 @@ def test_visibility_and_matrices_turn_with_the_mesh(bands: int, kind: type) -> N
         np.testing.assert_allclose(found.astype(np.float64), expected, atol=atol)
 
 
+@pytest.mark.parametrize("bands", [1, 3, 10])
+def test_errors_of_the_visibility_turn_as_uncorrelated(bands: int) -> None:
+    """Each band keeps its sum of squares; half a turn about +y leaves all as they are. In half precision."""
+    width = 2 * bands - 1
+    error = np.random.default_rng(1).random((COUNT, width**2)).astype(np.float16)
+    before = _transfer(bands, visibility=np.zeros_like(error), visibility_error=error)
+    turned, half = rotate_transfer(before, MATRIX), rotate_transfer(before, np.diag([-1.0, 1, -1]))
+    assert turned.visibility_error is not None and turned.visibility_error.dtype == np.float16
+    for band in range(width):
+        part = slice(band**2, (band + 1) ** 2)
+        power = [np.sum(np.asarray(e, np.float64)[:, part] ** 2, axis=1) for e in (error, turned.visibility_error)]
+        np.testing.assert_allclose(power[1], power[0], rtol=2e-3)
+    assert bands == 1 or np.abs(np.asarray(turned.visibility_error, np.float32) - error).max() > 0.1
+    np.testing.assert_allclose(np.asarray(half.visibility_error, np.float32), error.astype(np.float32), atol=1e-3)
+
+
 def test_matrices_that_are_not_symmetric() -> None:
     """M' = D M D^T: rows and columns each turn, M' D c = D M c."""
     rng = np.random.default_rng(3)

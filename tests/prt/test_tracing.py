@@ -12,7 +12,8 @@ import pytest
 from gash_jax.algebra.directions import orthonormal_frame
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt import tracing
-from gash_jax.prt.bake import bake_transfer, draw_shifts
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import draw_shifts
 from gash_jax.prt.rays import Hits, trace_geometry
 from gash_jax.prt.sampling import COSINE
 from gash_jax.prt.tracing import Chunk, Integrand, active_rows, chunk_size, trace_rows

@@ -15,23 +15,22 @@ diffuse coefficients are what they are without it. Its estimates and errors are 
 import operator
 import time
 from collections.abc import Sequence
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import WholeNumber, shown, whole_number
+from gash_jax.algebra.arguments import WholeNumber, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
-from gash_jax.prt.bounces import MOST_BOUNCES, Estimate, bounced_transfer, checked_albedo, describe_albedo
+from gash_jax.prt.bake_job import Job, choose_replicates, make_job, range_of
+from gash_jax.prt.bounces import MOST_BOUNCES, Estimate, Exchange, checked_albedo, describe_albedo
 from gash_jax.prt.error_bars import replicate_error
-from gash_jax.prt.glossy import Reflected, bake_gloss, gloss_entries
+from gash_jax.prt.glossy import bake_gloss, check_reflections, gloss_entries
 from gash_jax.prt.integrands import direct, to_world
-from gash_jax.prt.rays import RayQuery
-from gash_jax.prt.reflection import reflector
-from gash_jax.prt.scene import as_occluders, as_points, frames_of_all, make_scene
-from gash_jax.prt.tracing import Integrand, ProgressFn, Rows, active_rows, trace_rows
+from gash_jax.prt.reflection import Reflected
+from gash_jax.prt.scene import as_occluders, as_points, make_scene
+from gash_jax.prt.tracing import ProgressFn, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import ray_query
 
@@ -40,55 +39,11 @@ if TYPE_CHECKING:
 
     from gash_jax.algebra.arguments import ArrayLike
 
-MAX_RAYS = 1 << 20
-
-
-def choose_replicates(rays: WholeNumber, replicates: WholeNumber | None) -> int:
-    """4 unless told otherwise; fewer than 16 rays are not worth splitting. Raises ValueError on what does not fit."""
-    rays = whole_number(rays, "rays", 1, MAX_RAYS)
-    count = (4 if rays >= 16 else 1) if replicates is None else whole_number(replicates, "replicates", 1)
-    if count > rays:
-        raise ValueError(f"replicates must be from 1 to rays ({rays}), not {count}")
-    if rays % count:
-        lower = rays // count * count
-        raise ValueError(f"rays ({rays}) must be a multiple of replicates ({count}): use {lower} or {lower + count}")
-    return count
-
 
 def free_and_dark(share: Float[np.ndarray, "a"]) -> dict[str, float]:
     """Share of the vertices that stayed with a formula: those with all rays free, and those with none; for metadata."""
     count = max(len(share), 1)
     return {"all_rays_free": float(np.sum(share == 1)) / count, "no_ray_free": float(np.sum(share == 0)) / count}
-
-
-def draw_shifts(
-    seed: int | np.random.SeedSequence, count: int, replicates: int, first: int, last: int
-) -> Float[np.ndarray, "v r 2"]:
-    """Random shifts of `count` vertices, drawn for the vertices first .. last alone; zeros elsewhere.
-
-    A vertex has the same shifts whichever are drawn: the generator is set forward over the others' (64 random bits,
-    one step of PCG64, make the two float32 of a shift).
-    """
-    bits = np.random.PCG64(seed)
-    bits.advance(first * replicates)
-    shifts = np.zeros((count, replicates, 2), np.float32)
-    shifts[first:last] = np.random.Generator(bits).random((last - first, replicates, 2), np.float32)
-    return shifts
-
-
-def _stage(progress: ProgressFn | None, index: int, stages: int) -> ProgressFn | None:
-    """The progress of one of several equal stages."""
-    return progress and (lambda done, total: progress(index * total + done, stages * total))
-
-
-def _range_of(rows: slice | None, count: int) -> tuple[int, int]:
-    try:
-        first, last, step = slice(None).indices(count) if rows is None else rows.indices(count)
-    except (AttributeError, TypeError):  # no slice, or not of whole numbers
-        first = last = step = 0
-    if step != 1 or first >= last:
-        raise ValueError(f"rows {shown(rows)} are no consecutive vertices of a mesh of {count}: use slice(first, last)")
-    return first, last
 
 
 def bake_transfer(
@@ -120,7 +75,8 @@ def bake_transfer(
     MeshError for what is no mesh.
 
     `glossy` traces as many rays again for the `visibility` of which `glossy_matrices` and `shade` with a lobe make
-    glossy transfer, in float16, its errors in `metadata`; with bounces, off grey surfaces, for `matrices` in its place.
+    glossy transfer, in float16, with its standard error; with bounces, off grey surfaces, for `matrices` in its place,
+    their error in `metadata`.
 
     `points` (p, 3) with unit `normals` (p, 3), 0 where a point has none, receive light in place of the mesh's vertices.
     `occluders`, a list of meshes, cast shadows and bounce light, and get no coefficients. `albedo` is a number, a
@@ -138,49 +94,23 @@ def bake_transfer(
     count, rays = choose_replicates(rays, replicates), operator.index(rays)
     bounces = whole_number(bounces, "bounces", 0, MOST_BOUNCES)
     receivers, blockers = as_points(points, normals), as_occluders(occluders)
-    first, last = _range_of(rows, len((receivers or mesh).vertices))
+    part = range_of(rows, len((receivers or mesh).vertices))
     started = time.perf_counter()
     scene = make_scene(mesh, receivers, blockers)
     colours = checked_albedo(1 if albedo is None and not bounces else albedo, len(scene.surface.vertices))
-    if glossy and bounces and colours.shape[1] == 3:
-        raise ValueError(
-            "glossy transfer has no room for coloured reflections: give a grey albedo, one number a vertex"
-        )
+    check_reflections(glossy, coloured=bounces > 0 and colours.shape[1] == 3)
     scene = scene if bounces else scene.receivers_alone()  # light that bounces comes from all surfaces
     query = ray_query(*scene.geometry[:2], "closest" if bounces else "any", backend)
     built = time.perf_counter()
-    wanted = slice(scene.receivers.start + first, scene.receivers.start + last)
-    drawn = slice(0, len(scene.starts.vertices)) if bounces else wanted
-    shifts = draw_shifts(seed, len(scene.starts.vertices), count, drawn.start, drawn.stop)
-    active, all_rows = active_rows(scene.starts, scene.geometry, frames_of_all(frames, scene), shifts)
-    part = slice(*np.searchsorted(active, [wanted.start, wanted.stop]).tolist())
-    shape = (bands**2, 3) if bounces and colours.shape[1] == 3 else (bands**2,)
-    estimate = Estimate(np.zeros((0, count, *shape), np.float32), np.zeros(0, np.float32), {})
-    if part.start < part.stop:
-        trace = partial(_direct_light, part=part)
-        if bounces:
-            trace = partial(bounced_transfer, active=active, surface=scene.surface, albedo=colours, bounces=bounces)
-        plain = np.zeros(len(active), np.float32) if count == 1 else None
-        update = _stage(progress, 0, 1 + glossy)
-        estimate = trace(all_rows, direct(bands), rays // count, query, share=plain, progress=update)
-    own, replicas, share = active[part] - wanted.start, estimate.replicas[part], estimate.share[part]
-    coefficients = np.zeros((last - first, *shape), np.float32)
-    error = np.zeros_like(coefficients) if count > 1 else None
-    coefficients[own] = mean = replicas.mean(1)
-    if error is not None:
-        error[own] = replicate_error(replicas, mean, rays, share)
-    name = "matrices" if bounces else "visibility"
-    gloss = np.zeros((last - first, *((bands**2,) * 2 if bounces else ((2 * bands - 1) ** 2,))), np.float16)
+    job = make_job(scene, query, rays, count, seed, frames=frames, part=part, everywhere=bounces > 0)
+    estimate = _estimate(job, bands, colours, bounces, _stage(progress, 0, 1 + glossy))
+    held = _averages(job, estimate)
     told = dict(estimate.told)
-    if glossy and len(own):
-        others = draw_shifts(np.random.SeedSequence(seed, spawn_key=(1,)), len(shifts), count, drawn.start, drawn.stop)
-        reflected = None if estimate.sent is None else Reflected(reflector(scene.surface), estimate.sent)
-        uniform = all_rows._replace(shifts=others[active])
-        found, found_error = bake_gloss(uniform, bands, rays, query, part, reflected, _stage(progress, 1, 2))
-        gloss[own] = found.reshape(-1, *gloss.shape[1:])
-        told[name] = gloss_entries(found, found_error)
+    if glossy:
+        gloss, entries = _gloss(job, bands, bounces > 0, estimate.reflected, _stage(progress, 1, 2))
+        held, told = held | gloss, told | entries
     seconds = {"build": built - started, "trace": time.perf_counter() - built, "total": time.perf_counter() - started}
-    asked = {"rows": None if rows is None else [first, last], "occluders": len(blockers) or None}
+    asked = {"rows": None if rows is None else list(part), "occluders": len(blockers) or None}
     asked |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
     parameters = {"rays": rays, "replicates": count, "seed": seed, "backend": backend}
     parameters |= {name: value for name, value in asked.items() if value is not None}
@@ -188,29 +118,66 @@ def bake_transfer(
         bands,
         "bake",
         parameters,
-        rays_total=rays * ((len(active) if bounces else len(own)) + glossy * len(own)),
-        modelled={**free_and_dark(share), "blended_with_closed_form": count > 1},
+        rays_total=rays * ((len(job.active) if bounces else len(job.own)) + glossy * len(job.own)),
+        modelled={**free_and_dark(estimate.share[job.part]), "blended_with_closed_form": count > 1},
         ray_offset=scene.geometry.offset,
         seconds=seconds,
         **told,
     )
-    vertices, normals = (array[wanted] for array in scene.starts[:2])
+    vertices, normals = (array[job.wanted] for array in scene.starts[:2])
     faces = mesh.faces if rows is None and receivers is None else mesh.faces[:0]
-    held = {name: gloss} if glossy else {}
-    return Transfer(coefficients, error, vertices, normals, faces, metadata, **held)
+    return Transfer(vertices=vertices, normals=normals, faces=faces, metadata=metadata, **held)
 
 
-def _direct_light(
-    rows: Rows,
-    integrand: Integrand,
-    n: int,
-    query: RayQuery,
-    *,
-    part: slice,
-    share: Float[np.ndarray, "a"] | None,
-    progress: ProgressFn | None,
+def _stage(progress: ProgressFn | None, index: int, stages: int) -> ProgressFn | None:
+    """The progress of one of several equal stages."""
+    return progress and (lambda done, total: progress(index * total + done, stages * total))
+
+
+def _estimate(
+    job: Job, bands: int, albedo: Float[np.ndarray, "s c"], bounces: int, progress: ProgressFn | None
 ) -> Estimate:
-    """Replicates of the direct transfer of some rows; zeros for the others."""
-    local, free = trace_rows(rows, integrand, n, query, share=share, part=part, progress=progress)
+    """Replicates of the transfer, of the rows that are wanted at least; of none where none of these has a normal."""
+    integrand, count = direct(bands), job.replicates
+    if job.part.start >= job.part.stop:
+        shape = (bands**2, 3) if bounces and albedo.shape[1] == 3 else (bands**2,)
+        return Estimate(np.zeros((0, count, *shape), np.float32), np.zeros(0, np.float32), {})
+    share = np.zeros(len(job.active), np.float32) if count == 1 else None  # the plain mean
+    arguments = (job.rows, integrand, job.rays // count, job.query)
+    if bounces:
+        update = _stage(progress, 0, bounces + 1)
+        exchange = Exchange(*arguments, active=job.active, surface=job.scene.surface, share=share, progress=update)
+        return exchange.bounced(albedo, bounces, progress)
+    local, free = trace_rows(*arguments, share=share, part=job.part, progress=progress)
     # the turn into the world, too, has the shape of the whole mesh, on which its last bits depend
-    return Estimate(np.asarray(to_world(local, rows.frames)), free, {})
+    return Estimate(np.asarray(to_world(local, job.rows.frames)), free, {})
+
+
+def _averages(job: Job, estimate: Estimate) -> dict[str, np.ndarray | None]:
+    """Coefficients and their standard errors, 0 where there is no normal; of one replicate no errors."""
+    replicas = estimate.replicas[job.part]
+    coefficients = np.zeros((job.count, *replicas.shape[2:]), np.float32)
+    coefficients[job.own] = mean = replicas.mean(1)
+    if job.replicates == 1:
+        return {"coefficients": coefficients, "standard_error": None}
+    error = np.zeros_like(coefficients)
+    error[job.own] = replicate_error(replicas, mean, job.rays, estimate.share[job.part])
+    return {"coefficients": coefficients, "standard_error": error}
+
+
+def _gloss(
+    job: Job, bands: int, bounced: bool, reflected: Reflected | None, progress: ProgressFn | None
+) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Visibility, or matrices of light that bounced as well, in float16 by name, and what metadata says of it."""
+    name, shape = ("matrices", (bands**2,) * 2) if bounced else ("visibility", ((2 * bands - 1) ** 2,))
+    held, own = {name: np.zeros((job.count, *shape), np.float16)}, job.own
+    if job.replicates > 1 and not bounced:
+        held["visibility_error"] = np.zeros_like(held[name])
+    if not len(own):
+        return held, {}
+    uniform = job.rows._replace(shifts=job.other_shifts())
+    found, error = bake_gloss(uniform, bands, job.rays, job.query, job.part, reflected, progress)
+    held[name][own] = found.reshape(-1, *shape)
+    if "visibility_error" in held:
+        held["visibility_error"][own] = error
+    return held, {name: gloss_entries(found, error)}

@@ -29,7 +29,7 @@ from gash_jax.algebra.arguments import as_array, is_real, shown
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.integrands import to_world
 from gash_jax.prt.rays import Hits, RayQuery
-from gash_jax.prt.reflection import KeptHits, Reflector, keep_hits, reflector, sums_at_hits
+from gash_jax.prt.reflection import KeptHits, Reflected, Reflector, keep_hits, reflector, sums_at_hits
 from gash_jax.prt.tracing import Chunk, Integrand, ProgressFn, Rows, chunks_of, in_threads, trace_chunk, trace_rows
 
 MOST_KEPT = 1 << 30
@@ -42,8 +42,7 @@ class Estimate(NamedTuple):
     replicas: Float[np.ndarray, "a r k"] | Float[np.ndarray, "a r k 3"]  # world
     share: Float[np.ndarray, "a"]  # of each row's rays that are free
     told: dict[str, Any]  # for the metadata
-    # what the vertices of the surface send in the last bounce; None without one, and of coloured surfaces
-    sent: Float[np.ndarray, "s r k"] | None = None
+    reflected: Reflected | None = None  # what grey surfaces send in the last bounce; None without one
 
 
 def checked_albedo(albedo: object, count: int) -> Float[np.ndarray, "s c"]:
@@ -138,43 +137,27 @@ class Exchange:
         self.traced_again += (count - self.kept.rows) * replicates * self.n
         return result
 
+    def bounced(self, albedo: Float[np.ndarray, "s c"], bounces: int, progress: ProgressFn | None = None) -> Estimate:
+        """Transfer of all rows with up to `bounces` bounces, of three colours where the albedo has them.
+
+        `progress` counts the rows of all passes, of which the tracing is the first.
+        """
+        started, found, count = time.perf_counter(), self.first, len(self.active)
+        for bounce in range(1, bounces + 1):
+            found = self.bounce(found, albedo, out=None if bounce == 1 else found)
+            if progress:
+                progress(count * (bounce + 1), count * (bounces + 1))
+        told = {"seconds": time.perf_counter() - started, "hits_bytes": self.kept.used}
+        told["rays_traced_again"] = self.traced_again
+        if found.shape[-1] == 3:
+            return Estimate(found, self.share, {"bounced": told})
+        reflected = None if self.sent is None else Reflected(self.mirror, self.sent[..., 0])
+        return Estimate(found[..., 0], self.share, {"bounced": told}, reflected)
+
     def hits(self, part: slice) -> KeptHits:
         """What the rays of one chunk meet: kept, or traced again."""
         kept = self.kept.get(part)
         return kept or _hits_of(self.mirror, trace_chunk(self.rows, part, self.density, self.query, self.n)[0])
-
-
-def bounced_transfer(
-    rows: Rows,
-    direct: Integrand,
-    n: int,
-    query: RayQuery,
-    *,
-    active: Int[np.ndarray, "a"],
-    surface: Mesh,
-    albedo: Float[np.ndarray, "s c"],
-    bounces: int,
-    share: Float[np.ndarray, "a"] | None = None,
-    progress: ProgressFn | None = None,
-) -> Estimate:
-    """Transfer of all rows with up to `bounces` bounces, of three colours where the albedo has them (see `Exchange`).
-
-    `progress` counts the rows of all passes.
-    """
-    count = len(rows.origins)
-    tell = None if progress is None else lambda done, _: progress(done, count * (bounces + 1))
-    exchange = Exchange(rows, direct, n, query, active=active, surface=surface, share=share, progress=tell)
-    started, found = time.perf_counter(), exchange.first
-    for bounce in range(1, bounces + 1):
-        found = exchange.bounce(found, albedo, out=None if bounce == 1 else found)
-        if tell:
-            tell(count * (bounce + 1), 0)
-    told = {"seconds": time.perf_counter() - started, "hits_bytes": exchange.kept.used}
-    told["rays_traced_again"] = exchange.traced_again
-    if found.shape[-1] == 3:
-        return Estimate(found, exchange.share, {"bounced": told})
-    sent = None if exchange.sent is None else exchange.sent[..., 0]
-    return Estimate(found[..., 0], exchange.share, {"bounced": told}, sent)
 
 
 def _hits_of(mirror: Reflector, chunk: Chunk) -> KeptHits:

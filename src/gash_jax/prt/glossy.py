@@ -17,7 +17,7 @@ each coefficient are kept, and compilation does not depend on the size of the me
 
 from functools import partial
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ from gash_jax.algebra.sh import evaluate_sh
 from gash_jax.prt.error_bars import standard_error_floor
 from gash_jax.prt.integrands import glossy, to_world
 from gash_jax.prt.rays import Hits, RayQuery
-from gash_jax.prt.reflection import Reflector, values_at_hits
+from gash_jax.prt.reflection import Reflected, values_at_hits
 from gash_jax.prt.sampling import UNIFORM
 from gash_jax.prt.tracing import Chunk, Integrand, ProgressFn, Rows, trace_rows
 from gash_jax.prt.transfer import Transfer
@@ -37,12 +37,12 @@ from gash_jax.prt.transfer import Transfer
 RAY_WEIGHT = 2 * pi  # of one of n uniform rays, times n: the hemisphere
 
 
-class Reflected(NamedTuple):
-    """What surfaces send back in the last bounce: the albedo times the transfer of their vertices, replicate by
-    replicate (`bounces.Estimate`), 0 where no light is received."""
-
-    surface: Reflector
-    sent: Float[np.ndarray, "s r k"]
+def check_reflections(glossy: bool, coloured: bool) -> None:
+    """Raise ValueError for glossy transfer off coloured surfaces: matrices are of one colour."""
+    if glossy and coloured:
+        raise ValueError(
+            "glossy transfer has no room for coloured reflections: give a grey albedo, one number a vertex"
+        )
 
 
 def gloss_sums(bands: int, reflected: Reflected | None = None) -> Integrand:

@@ -48,10 +48,13 @@ class Plan(NamedTuple):
         return self._asdict()
 
 
-def transfer_bytes(mesh: Mesh, bands: int, glossy: bool = False, colours: int = 1) -> int:
-    """Size of a transfer file with standard errors, but for a few kilobytes of metadata."""
-    visibility = 2 * (2 * bands - 1) ** 2 * glossy
-    return len(mesh.vertices) * (4 * (2 * bands**2 * colours + 6) + visibility) + 12 * len(mesh.faces)
+def transfer_bytes(mesh: Mesh, bands: int, glossy: bool = False, colours: int = 1, bounced: bool = False) -> int:
+    """Size of a transfer file with standard errors, but for a few kilobytes of metadata.
+
+    A glossy one holds visibility with its errors, or matrices of light that bounced as well.
+    """
+    halves = (bands**4 if bounced else 2 * (2 * bands - 1) ** 2) * glossy
+    return len(mesh.vertices) * (4 * (2 * bands**2 * colours + 6) + 2 * halves) + 12 * len(mesh.faces)
 
 
 def plan_bake(

@@ -43,6 +43,14 @@ class KeptHits(NamedTuple):
         return sum(array.nbytes for array in self)
 
 
+class Reflected(NamedTuple):
+    """What surfaces send back: the albedo times the transfer of their vertices, replicate by replicate, 0 where no
+    light is received."""
+
+    surface: Reflector
+    sent: Float[np.ndarray, "s r k"]
+
+
 def reflector(mesh: Mesh) -> Reflector:
     """The faces of a mesh with their fronts."""
     fronts = face_normals(mesh.vertices, mesh.faces).astype(np.float32)

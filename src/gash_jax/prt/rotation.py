@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from gash_jax.algebra.arguments import ArrayLike
 from gash_jax.algebra.rotations import rotation_matrix, with_rotation
-from gash_jax.algebra.sh import bands_of
+from gash_jax.algebra.sh import PRODUCT_BANDS, bands_of
 from gash_jax.algebra.sh_rotation import rotate_coefficients, sh_rotation_blocks
 from gash_jax.prt.transfer import Transfer, TransferLike, transfer_coefficients
 
@@ -56,6 +56,9 @@ def rotate_transfer(transfer: TransferLike, rotation: ArrayLike | Array) -> Tran
         standard_error=_turned_error(transfer.standard_error, turn),
         predicted_error=_turned_error(transfer.predicted_error, turn),
         visibility=None if transfer.visibility is None else _as_kept(_along_bands, transfer.visibility, turn),
+        visibility_error=None
+        if transfer.visibility_error is None
+        else _as_kept(_turned_error, transfer.visibility_error, turn),
         matrices=None if transfer.matrices is None else _as_kept(_turned_matrices, transfer.matrices, turn),
         vertices=_turned_points(transfer.vertices, turn),
         normals=_turned_points(transfer.normals, turn),
@@ -87,7 +90,7 @@ def _turned_error(error: Float[Array | np.ndarray, "v k *c"] | None, turn: Array
         return None
     variance = jnp.moveaxis(jnp.asarray(error, jnp.float32) ** 2, 1, -1)
     parts = []
-    for band, block in enumerate(sh_rotation_blocks(turn, bands_of(variance.shape[-1]))):
+    for band, block in enumerate(sh_rotation_blocks(turn, bands_of(variance.shape[-1], PRODUCT_BANDS))):
         part = variance[..., band**2 : (band + 1) ** 2]
         parts.append(jnp.matmul(part, (block**2).T, precision="highest"))
     return jnp.moveaxis(jnp.sqrt(jnp.concatenate(parts, axis=-1)), -1, 1)

@@ -32,7 +32,7 @@ CONVENTIONS = (
     "world right-handed, +y up; real orthonormal SH, polar axis z, k = l*l + l + m, no Condon-Shortley sign; "
     "transfer (1/pi) integral V cos Y, albedo not included; vertex order of the input file"
 )
-ERRORS, GLOSSY = ("standard_error", "predicted_error"), ("visibility", "matrices")
+ERRORS, GLOSSY = ("standard_error", "predicted_error"), ("visibility", "matrices", "visibility_error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,8 @@ class Transfer(Container):
 
     Where surfaces are coloured there are coefficients for red, green and blue light, (v, k, 3). `standard_error` is
     that of sampled results; `predicted_error` is the RMS error that a network expects of itself. Glossy transfer is
-    held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, or as `matrices`, in float32 or
-    float16. Rows of a bake have no faces.
+    held as `visibility`, j = (2 bands - 1)² coefficients of V where n.w > 0, with its standard error
+    `visibility_error`, or as `matrices`, in float32 or float16. Rows of a bake have no faces.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> transfer.bands, transfer.metadata["method"], transfer.mesh.faces.shape
@@ -61,6 +61,7 @@ class Transfer(Container):
     predicted_error: Float[Any, "v k"] | Float[Any, "v k 3"] | None = None
     visibility: Float[Any, "v j"] | None = None
     matrices: Float[Any, "v k k"] | None = None
+    visibility_error: Float[Any, "v j"] | None = None
     bands: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -127,8 +128,9 @@ def save_transfer(path: str | Path, transfer: Transfer, components: WholeNumber 
     """Write a transfer file; plain NumPy reads it without pickle. Raises FileError where the arrays do not fit.
 
     Of metadata that a transformation has dropped, format and conventions are written all the same. `components` writes
-    the visibility as so many numbers a vertex in place of (2 bands - 1)² (`prt.compression`), with the error of that in
-    the metadata; `load_transfer` expands it. Raises ValueError where there is none, or for a number that does not fit.
+    the visibility as so many numbers a vertex in place of (2 bands - 1)² (`prt.compression`), without
+    `visibility_error` and with the error of that in the metadata; `load_transfer` expands it. Raises ValueError where
+    there is none, or for a number that does not fit.
 
     >>> gash_jax.save_transfer("bunny.npz", gash_jax.bake_transfer("bunny.ply", rays=64))
     >>> sorted(np.load("bunny.npz").files)
@@ -172,6 +174,7 @@ def _compress(arrays: dict[str, np.ndarray], components: WholeNumber) -> dict[st
     if "visibility" not in arrays:
         raise ValueError("only visibility is compressed, and the transfer has none: bake it with glossy=True")
     visibility = arrays.pop("visibility")
+    arrays.pop("visibility_error", None)
     arrays |= compress_visibility(visibility, arrays["normals"], components)
     lost = expand_visibility(arrays, arrays["normals"]).astype(np.float64) - visibility
     size = np.linalg.norm(visibility.astype(np.float64))
@@ -189,7 +192,8 @@ def _check(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
         bands = bands_of(sizes["k"])
     except ValueError as error:
         raise FileError(f"{path} is not a transfer file: {error}; bake it again") from None
-    glossy = {"visibility": (sizes["v"], (2 * bands - 1) ** 2), "matrices": (sizes["v"], sizes["k"], sizes["k"])}
+    glossy = dict.fromkeys(("visibility", "visibility_error"), (sizes["v"], (2 * bands - 1) ** 2))
+    glossy |= {"matrices": (sizes["v"], sizes["k"], sizes["k"])}
     glossy |= {NAMES[0]: (sizes["v"], "n"), NAMES[1]: ("n", (2 * bands - 1) ** 2), NAMES[2]: ((2 * bands - 1) ** 2,)}
     whole = set(arrays).isdisjoint(NAMES)  # else all three or none
     check_arrays(path, "transfer", arrays, glossy, optional=(*GLOSSY, *NAMES) if whole else GLOSSY)

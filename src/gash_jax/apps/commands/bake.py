@@ -32,7 +32,8 @@ from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
 from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
-from gash_jax.prt.bake import bake_transfer, choose_replicates
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bake_job import choose_replicates
 from gash_jax.prt.error_target import bake_to_error, check_error
 from gash_jax.prt.plan import Plan, plan_bake
 from gash_jax.prt.scene import load_points

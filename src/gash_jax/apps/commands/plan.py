@@ -55,8 +55,6 @@ def plan(
     """Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays."""
     if bounces and (light_path or error is not None):
         raise click.UsageError("--bounces plans a bake of --rays: leave out --light and --error")
-    if bounces and glossy:
-        raise click.UsageError("--glossy is planned without --bounces: leave out one of them")
     if not bounces and (rays is not None or albedo is not None):
         raise click.UsageError("--rays and --albedo plan light that bounces: add --bounces")
     error = 0.02 if error is None else error
@@ -66,7 +64,8 @@ def plan(
     surface, health = read_mesh(mesh, up)
     if bounces:
         coloured = albedo is not None and np.shape(read_albedo(albedo, [mesh]))[-1:] == (3,)
-        found = plan_bounces(surface, bounces, 256 if rays is None else rays, bands=bands, coloured=coloured).to_dict()
+        wanted = {"bands": bands, "coloured": coloured, "glossy": glossy}
+        found = plan_bounces(surface, bounces, 256 if rays is None else rays, **wanted).to_dict()
     else:
         found = plan_bake(surface, error, bands=bands, light=light, glossy=glossy).to_dict()
     values = {"vertices": len(surface.vertices), "faces": len(surface.faces), **found, "health": health.to_dict()}
