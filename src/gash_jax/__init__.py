@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gash_jax.algebra.motors import embed_point, motor, motor_to_rigid, rotor_from_normal, rotor_to_matrix
     from gash_jax.apps.pictures.render import render
     from gash_jax.apps.pictures.show import show
+    from gash_jax.apps.viewer.page import Page, view
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
@@ -47,6 +48,7 @@ _HOMES = {
     "algebra.closed_forms": ("unshadowed_transfer",),
     "apps.pictures.render": ("render",),
     "apps.pictures.show": ("show",),
+    "apps.viewer.page": ("Page", "view"),
     "geometry.animation": ("Animation",),
     "geometry.health": ("HealthReport",),
     "geometry.mesh": ("Mesh", "MeshError"),
@@ -84,6 +86,7 @@ __all__ = [
     "Mesh",
     "MeshError",
     "Model",
+    "Page",
     "RunConfig",
     "Transfer",
     "bake_to_error",
@@ -120,6 +123,7 @@ __all__ = [
     "show",
     "studio_light",
     "unshadowed_transfer",
+    "view",
     "write_hdr",
 ]
 

@@ -30,6 +30,9 @@ COMMANDS = {
     "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to "
     "continue.",
     "train": "Train the network that CONFIG (.toml, or a shipped name) describes.",
+    "view": "Write a page that shows transfer under light: turn both, compare results, see errors. FILE is a transfer "
+    "(.npz), the transfer of an animation's frames (.npz), or a mesh, which is baked and predicted first; several "
+    "FILEs are results for one mesh.",
 }
 
 
