@@ -127,6 +127,11 @@ export class Scene {
     return this.methods[this.state.against];
   }
 
+  /** What is subtracted from the result, if anything. */
+  get subtracted() {
+    return this.state.show === "difference" ? this.other : null;
+  }
+
   get frames() {
     return Math.max(this.mesh.frames, this.method.frames);
   }
@@ -192,14 +197,13 @@ export class Scene {
   }
 
   upload() {
-    const { state, picture, method, other, mesh } = this;
+    const { state, picture, method, mesh } = this;
     const glossy = state.material !== "matte";
     this.place();
-    for (const [name, found] of Object.entries({ dataA: method, dataB: other })) {
-      if (found)
-        this.once(name, [state.method, state.against, glossy, state.frame], () =>
-          picture.setData(name, numbersOf(found, glossy, state.frame)),
-        );
+    for (const [name, found] of Object.entries({ dataA: method, dataB: this.subtracted })) {
+      if (!found) continue;
+      const key = [this.methods.indexOf(found), glossy, state.frame];
+      this.once(name, key, () => picture.setData(name, numbersOf(found, glossy, state.frame)));
     }
     this.once("lights", [state.light, state.turn, state.window, state.width, method.bands, glossy], () => {
       const light = this.light();
@@ -227,7 +231,7 @@ export class Scene {
   draw() {
     if (!this.mesh || !this.lights.length) return;
     this.upload();
-    const { state, method, other, camera, aspect, exposure } = this;
+    const { state, method, subtracted, camera, aspect, exposure } = this;
     const legend = this.legend();
     const { matrix, eye } = camera.clip(aspect);
     const lobe = { matte: () => [], phong, ggx }[state.material](state.gloss[state.material], method.bands);
@@ -240,7 +244,7 @@ export class Scene {
       wire: state.wire,
       surface: {
         kindA: kindOf(method, lobe.length),
-        kindB: other ? kindOf(other, lobe.length) : 0,
+        kindB: subtracted ? kindOf(subtracted, lobe.length) : 0,
         bands: method.bands,
         show: Math.min(SHOWN.indexOf(state.show), 3),
         chosen: state.coefficient,

@@ -68,9 +68,7 @@ def _results(path: Path, up: str, quiet: bool) -> dict[str, Transfer | Moving]:
     return {path.name: baked, f"{path.name}, {MODEL}": load_model(MODEL).predict(mesh)}
 
 
-def _lights(
-    paths: tuple[Path, ...], layout: str | None, shown: Transfer | Moving, quiet: bool
-) -> list[PageFile]:
+def _lights(paths: tuple[Path, ...], layout: str | None, shown: Transfer | Moving, quiet: bool) -> list[PageFile]:
     bands = round(shown.coefficients.shape[1 if isinstance(shown, Transfer) else 2] ** 0.5)
     found = []
     for path in paths:

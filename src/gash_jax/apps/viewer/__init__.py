@@ -1,1 +1,1 @@
-"""The page that shows transfer under light: what it holds (`contents`, `moving`) and how it is put together (`page`)."""
+"""The page that shows transfer under light: what it holds (`contents`, `moving`), how it is made (`page`)."""

@@ -97,6 +97,4 @@ def moving_file(moving: Moving, name: str, frames: Sequence[int], *, mesh: bool)
     thinned = f"{len(kept)} of {total} frames: a page of all of them would be too large"
     notes = [f"{vertices.shape[1]} vertices, {len(moving.faces)} faces, {total} frames"]
     notes += [thinned] if len(kept) < total else []
-    return PageFile(
-        "transfer", name, arrays, {"notes": notes, "grid": {"low": low.tolist(), "step": step.tolist()}}
-    )
+    return PageFile("transfer", name, arrays, {"notes": notes, "grid": {"low": low.tolist(), "step": step.tolist()}})

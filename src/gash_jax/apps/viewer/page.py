@@ -48,9 +48,7 @@ class Page:
         return f'<iframe srcdoc="{text}" style="width: 100%; height: {_HEIGHT}px; border: 0"></iframe>'
 
 
-def view(
-    transfer: Transfer | Mapping[str, Transfer], light: LightLike | Mapping[str, LightLike] | None = None
-) -> Page:
+def view(transfer: Transfer | Mapping[str, Transfer], light: LightLike | Mapping[str, LightLike] | None = None) -> Page:
     """A page to look at transfer: turn it, turn the light, see errors and coefficients; inline in a notebook.
 
     Several transfers of one mesh, by the names that the page shows, can be switched and subtracted; the closed form is
