@@ -91,8 +91,7 @@ function legend(scene) {
   const difference = scene.state.show === "difference";
   byId("bar").style.background = gradient(found.palette);
   byId("low").textContent = found.palette === "rising" ? "0" : `-${limit}${difference ? " too dark" : ""}`;
-  byId("middle").textContent =
-    { difference: "0 (1 is white)", coefficient: "0" }[scene.state.show] ?? "root mean square";
+  byId("middle").textContent = found.palette === "rising" ? "root mean square" : "0";
   byId("high").textContent = `${found.palette === "rising" ? "" : "+"}${limit}${difference ? " too bright" : ""}`;
 }
 

@@ -97,10 +97,14 @@ export class Picture {
     this.surface.geometry.dispose();
     this.surface.geometry = geometry;
     this.lines.geometry.dispose();
-    const edges = new BufferGeometry();
-    edges.setIndex(new BufferAttribute(edgesOf(faces), 1));
-    edges.setAttribute("position", geometry.getAttribute("position"));
-    this.lines.geometry = edges;
+    this.lines.geometry = new BufferGeometry();
+  }
+
+  /** Lines along the edges, made when they are first seen: of a large mesh that takes a moment. */
+  makeLines() {
+    const { index, attributes } = this.surface.geometry;
+    this.lines.geometry.setIndex(new BufferAttribute(edgesOf(index.array), 1));
+    this.lines.geometry.setAttribute("position", attributes.position);
   }
 
   setPositions(positions) {
@@ -163,6 +167,7 @@ export class Picture {
     this.finish.frame.value.fromArray(finish.frame);
     this.finish.ramp.value = this.ramps[finish.palette === 2 ? "rising" : "signed"];
     this.lines.visible = wire;
+    if (wire && !this.lines.geometry.index) this.makeLines();
     this.renderer.setRenderTarget(this.target);
     this.renderer.clear();
     this.renderer.render(this.scene, new NoCamera());

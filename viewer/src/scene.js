@@ -4,7 +4,7 @@ import { Camera, VIEWS } from "./camera.js";
 import { floats } from "./half.js";
 import { ggx, phong } from "./lobes.js";
 import { multiplier, rotateLight, windowFactors } from "./sh.js";
-import { closedForm, COLOURED, coefficientRange, GREY, positions } from "./shapes.js";
+import { closedForm, COLOURED, GREY, limitOf, positions } from "./shapes.js";
 import { IDENTITY, matrixOf } from "./turns.js";
 
 const SHOWN = ["light", "difference", "coefficient", "standard_error", "predicted_error"];
@@ -149,7 +149,7 @@ export class Scene {
     this.place();
     const [azimuth, elevation] = Array.isArray(view) ? view : VIEWS[view];
     this.camera.frame(azimuth, elevation, this.points, this.mesh.used);
-    this.request();
+    this.changed();
   }
 
   resize(width, height) {
@@ -218,14 +218,13 @@ export class Scene {
     if (errors) this.once("scalars", [state.show, state.method, mesh.count], () => picture.setData("scalars", errors));
   }
 
-  /** Colours of what is shown: null for light, else { palette, limit, unit }. */
+  /** Colours of what is shown: null for light, else { palette, limit, per }, per the factor before the limit. */
   legend() {
-    const { state, method } = this;
-    if (state.show === "light") return null;
-    if (state.show === "difference") return { palette: "signed", limit: FULL, per: this.exposure };
-    if (state.show === "coefficient")
-      return { palette: "signed", limit: coefficientRange(method, state.coefficient), per: 1 };
-    return { palette: "rising", limit: method.errors[state.show].reduce((a, b) => Math.max(a, b), 0) || 1, per: 1 };
+    const { show, coefficient } = this.state;
+    if (show === "light") return null;
+    if (show === "difference") return { palette: "signed", limit: FULL, per: this.exposure };
+    const limit = limitOf(this.method, show === "coefficient" ? coefficient : show);
+    return { palette: show === "coefficient" ? "signed" : "rising", limit, per: 1 };
   }
 
   draw() {

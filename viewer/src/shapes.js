@@ -66,7 +66,7 @@ export function readMethod({ arrays }, name, mesh) {
   }
   if (mesh.frames > 1 && frames > 1 && mesh.frames !== frames)
     throw new Error("its frames do not fit those of the mesh");
-  const method = { name, bands, frames, coefficients: found, coloured, errors: {}, gloss: null };
+  const method = { name, bands, frames, coefficients: found, coloured, errors: {}, limits: {}, gloss: null };
   for (const error of ["standard_error", "predicted_error"]) {
     if (arrays[error]) method.errors[error] = rootMeanSquare(floats(arrays[error]), mesh.count);
   }
@@ -103,8 +103,16 @@ function overNormals({ normals, count }, bands, kernel) {
   return { kind: "f4", shape: [count, values.length], data };
 }
 
-/** Largest size of a coefficient over the vertices, of all frames. */
-export function coefficientRange(method, k) {
+/** Largest size over the vertices, of all frames: of the coefficient of that number, or the error of that name. */
+export function limitOf(method, which) {
+  const { limits, errors } = method;
+  const find = () =>
+    errors[which] ? errors[which].reduce((a, b) => Math.max(a, b), 0) : coefficientRange(method, which);
+  limits[which] ??= find() || 1;
+  return limits[which];
+}
+
+function coefficientRange(method, k) {
   const { coefficients, coloured, bands } = method;
   const each = coloured ? 3 : 1;
   const step = bands * bands * each;
@@ -115,7 +123,7 @@ export function coefficientRange(method, k) {
     for (let c = 0; c < each; c++) sum += half ? fromHalf(coefficients.data[at + c]) : coefficients.data[at + c];
     limit = Math.max(limit, Math.abs(sum / each));
   }
-  return limit || 1;
+  return limit;
 }
 
 function rootMeanSquare(values, count) {

@@ -21,7 +21,7 @@ from tests.apps.viewer.conftest import Frames, run
 from tests.helpers.browser import Opened
 
 SIZE, EXPOSURE = 256, 0.7
-START = "panel=off&method=0&show=light&rotate=0&window=none&material=matte&background=ground&wire=0&view=front"
+START = "panel=off&method=0&light=0&show=light&rotate=0&window=none&material=matte&background=ground&wire=0&view=front"
 SEVENTY = [np.cos(np.radians(35)), 0, np.sin(np.radians(35)), 0]  # degrees about +y
 ASKEW = [0.8, 0.36, -0.48, 0.0]  # about no axis of the world
 
