@@ -18,8 +18,7 @@ COMMANDS = {
     "compare": "Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more.",
     "corpus": "Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an "
     "interruption.",
-    "demo": "Bake a mesh, predict it, relight it: a table of speed against error, a picture, and a page to "
-    "turn it on.",
+    "demo": "Bake a mesh, predict it, relight it: a table of speed against error, a picture, and a page to turn it on.",
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
     "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
     "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "

@@ -86,6 +86,18 @@ def test_the_page_draws_what_render_draws(
         np.testing.assert_array_equal(image, drawn(transfer.mesh, radiance, view))
 
 
+def test_gloss_with_bounced_light_is_drawn_from_matrices(browser: Any, folder: Path, tmp_path: Path) -> None:
+    bake = ("bake", folder / "ball.ply", "-o", tmp_path / "m.npz", "--glossy", "--rays", 16, "--bands", 2)
+    run(*bake, "--bounces", 1, "--albedo", 0.8, "--quiet")
+    run("view", tmp_path / "m.npz", "--light", folder / "lopsided.hdr", "-o", tmp_path / "m.html", "--quiet")
+    opened = Opened(browser, tmp_path / "m.html", said("material=ggx:0.6"))
+    transfer, light = load_transfer(tmp_path / "m.npz"), load_light(folder / "lopsided.hdr", 2)
+    assert transfer.matrices is not None
+    radiance = shade(transfer, light, view=toward_camera(transfer.mesh, "front"), lobe=ggx(0.6))
+    assert close(opened.picture(), drawn(transfer.mesh, radiance), inside(transfer.mesh, "front")) >= 0.99
+    opened.close()
+
+
 def test_a_wrong_picture_would_be_noticed(opened: Opened, folder: Path) -> None:
     transfer, light = load_transfer(folder / "glossy.npz"), load_light(folder / "lopsided.hdr")
     where = inside(transfer.mesh, "front")

@@ -50,8 +50,8 @@ def still_file(transfer: Transfer, name: str, *, mesh: bool) -> PageFile:
             arrays[key] = as_half(np.asarray(getattr(transfer, key)))
     if not mesh:
         return PageFile("transfer", name, arrays)
-    arrays |= {key: np.asarray(getattr(transfer, key), np.float32) for key in ("vertices", "normals")}
-    arrays["faces"] = np.asarray(transfer.faces, np.int32)
+    places = {key: np.asarray(getattr(transfer, key), np.float32) for key in ("vertices", "normals")}
+    arrays = {**arrays, **places, "faces": np.asarray(transfer.faces, np.int32)}
     return PageFile("transfer", name, arrays, {"notes": [_counted(len(transfer.vertices), len(transfer.faces))]})
 
 
