@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gash_jax.algebra.motors import embed_point, motor, motor_to_rigid, rotor_from_normal, rotor_to_matrix
     from gash_jax.apps.pictures.render import render
     from gash_jax.apps.pictures.show import show
+    from gash_jax.apps.viewer.page import Page, view
     from gash_jax.files.atomic import FileError
     from gash_jax.files.caches import keep_compiled_programs
     from gash_jax.files.settings import ConfigError
@@ -60,6 +61,7 @@ _HOMES = {
     "algebra.closed_forms": ("unshadowed_transfer",),
     "apps.pictures.render": ("render",),
     "apps.pictures.show": ("show",),
+    "apps.viewer.page": ("Page", "view"),
     "geometry.animation": ("Animation",),
     "geometry.health": ("HealthReport",),
     "geometry.mesh": ("Mesh", "MeshError"),
@@ -90,7 +92,6 @@ _HOMES = {
     "light.environment": ("Light", "load_light", "project_light", "rotate_light", "save_light"),
     "prt.plan": ("plan_bake",),
     "prt.rotation": ("rotate_transfer",),
-    "light.shading": ("shade",),
     "light.sky": ("sun_sky_light",),
     "light.sources": ("constant_light", "directional_light", "sphere_light"),
     "light.windows": ("light_window",),
@@ -112,6 +113,7 @@ __all__ = [
     "Mesh",
     "MeshError",
     "Model",
+    "Page",
     "RunConfig",
     "Transfer",
     "TransferTexture",
@@ -164,6 +166,7 @@ __all__ = [
     "to_convention",
     "sun_sky_light",
     "unshadowed_transfer",
+    "view",
     "write_hdr",
 ]
 

@@ -92,6 +92,9 @@ def test_demo_writes_its_table_and_its_picture(
     assert results["rows"][0]["method"] == "closed form" and abs(results["rows"][0]["skill"]) < 1e-5
     with Image.open("out/picture.png") as picture:
         assert picture.size[0] > 1500
+    page = Path("out/page.html").read_text()
+    shown = ["reference, 256 rays a vertex", "network mlp", "network two-stage", "network local", "plain bake, 8 rays"]
+    assert [name for name in shown if f'data-name="{name}"' not in page] == []
 
 
 def test_demo_configs_share_corpus_and_have_the_budget() -> None:

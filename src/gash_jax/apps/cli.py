@@ -19,7 +19,7 @@ COMMANDS = {
     "convert": "Write a light or a transfer the way another program reads it, and back: numbers, or a .glb file.",
     "corpus": "Make and bake the shapes that CONFIG trains on, in parallel; run it again to continue after an "
     "interruption.",
-    "demo": "Bake a mesh, predict it, relight it: a table of speed against error, and a picture.",
+    "demo": "Bake a mesh, predict it, relight it: a table of speed against error, a picture, and a page to turn it on.",
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
     "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
     "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "
@@ -32,6 +32,9 @@ COMMANDS = {
     "sweep": "Train every combination that SWEEP (.toml) names; results as JSON lines, CSV, plot. Run again to "
     "continue.",
     "train": "Train the network that CONFIG (.toml, or a shipped name) describes.",
+    "view": "Write a page that shows transfer under light: turn both, compare results, see errors. FILE is a transfer "
+    "(.npz), the transfer of an animation's frames (.npz), or a mesh, which is baked and predicted first; several "
+    "FILEs are results for one mesh.",
 }
 
 

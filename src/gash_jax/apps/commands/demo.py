@@ -1,4 +1,4 @@
-"""`gash demo`: reference bake of a mesh that no network has seen, predictions, one table and one picture.
+"""`gash demo`: reference bake of a mesh that no network has seen, predictions, one table, one picture and one page.
 
 The networks are those that ship (MLP, the paper's two-stage network, `local`), or with a training time small ones that
 are trained first: corpus, training, everything. Such runs are kept in the output folder: a second call continues or
@@ -21,6 +21,8 @@ from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.tables import print_methods
+from gash_jax.apps.viewer.contents import map_file, own_lights
+from gash_jax.apps.viewer.page import make_page
 from gash_jax.files.atomic import write_json
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.mesh import Mesh
@@ -31,6 +33,7 @@ from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
 from gash_jax.models.model import Model, load_model
+from gash_jax.prt.transfer import Transfer
 from gash_jax.shapes.procedural import make_shape
 from gash_jax.train.config import DataConfig, RunConfig, load_config
 from gash_jax.train.corpus import build_corpus, split_indices
@@ -57,7 +60,7 @@ UNSEEN = (1, 1)  # seed and index of the generated mesh: another seed than the c
 def demo(
     output: Path, mesh: Path | None, light_path: Path | None, layout: str | None, seconds: float | None, quiet: bool
 ) -> None:
-    """Bake a mesh, predict it, relight it: a table of speed against error, and a picture."""
+    """Bake a mesh, predict it, relight it: a table of speed against error, a picture, and a page to turn it on."""
     started = time.perf_counter()
     check_layout(layout, light_path)
     light = load_light(light_path, 3, layout).coefficients if light_path else project_map(studio_light(), 3)
@@ -72,12 +75,14 @@ def demo(
     with progress_bar("timing", quiet) as update:
         rows, found = measure_methods(surface, models, reference, update)
     print_methods(rows)
-    picture, results = output / "picture.png", output / "results.json"
+    picture, page, results = output / "picture.png", output / "page.html", output / "results.json"
     _draw(surface, found, np.asarray(light), rows, picture)
+    lights = [map_file(light_path, 3, layout)] if light_path else own_lights()
+    make_page(name, _results(surface, found), lights).save(page)
     arguments = {"mesh": name, "light": light_path.name if light_path else "studio", "training_seconds": seconds}
     origin = provenance(seed=0, arguments=arguments)
     write_json(results, {**origin, "vertices": len(surface.vertices), "rows": rows})
-    say(f"wrote {picture} and {results} after {time.perf_counter() - started:.0f} s", quiet)
+    say(f"wrote {picture}, {page} and {results} after {time.perf_counter() - started:.0f} s", quiet)
 
 
 def _surface(path: Path | None) -> tuple[str, Mesh, list[str]]:
@@ -110,6 +115,13 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
             report = lambda phase, fraction, measures, u=update: u(round(1000 * fraction), 1000)  # noqa: E731
             models[name] = load_model(run_config(config, folder, report=report)[0])
     return models
+
+
+def _results(mesh: Mesh, found: dict[str, np.ndarray]) -> dict[str, Transfer]:
+    """The methods as the page shows them, the best one first; it has the closed form by itself."""
+    names = {"reference": f"reference, {REFERENCE_RAYS} rays a vertex", **{name: f"network {name}" for name in MODELS}}
+    names |= {name: name for name in found if name.startswith("plain bake")}
+    return {name: Transfer(found[key], None, *mesh, {"method": name}) for key, name in names.items()}
 
 
 def _draw(mesh: Mesh, found: dict[str, np.ndarray], light: np.ndarray, rows: list[dict[str, Any]], path: Path) -> None:

@@ -55,8 +55,8 @@ def render(
     `camera` is "front" (from +z), "side", "back", "top" or "below", or (azimuth from +z towards +x, elevation) in
     degrees; the mesh fills the frame. `albedo`, `lobe` and `window` are as for `shade`: with a lobe the picture is what
     a glossy surface reflects towards the camera. A TransferTexture is looked up at every sample of every pixel; it
-    takes one colour as albedo, and no lobe. Negative radiance, which `shade` gives, is drawn black. Raises ValueError for
-    options out of range.
+    takes one colour as albedo, and no lobe. Negative radiance, which `shade` gives, is drawn black. Raises ValueError
+    for options out of range.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> image = gash_jax.render(transfer, gash_jax.load_light("studio.hdr"), exposure=1.0, size=64)
