@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from docs import animation_tables, baking_tables, bounce_tables, gloss_tables, rotation_tables
 from docs.baking_tables import origin
+from docs.deforming_tables import deforming_table
 from docs.method_names import network_name
 
 ROOT = Path(__file__).parents[1]
@@ -115,6 +116,7 @@ TABLES = (
     Table("docs/animation.md", "MAPS", animation_tables.maps_table, "geometry_images.json"),
     Table("docs/animation.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
     Table("docs/animation.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),
+    Table("docs/deforming.md", "DEFORMING", deforming_table, "deforming.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

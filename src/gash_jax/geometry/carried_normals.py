@@ -49,7 +49,7 @@ def _across(vectors: Any, normals: Any) -> Any:
     return vectors - (vectors * normals).sum(axis=1)[:, None] * normals
 
 
-def vertex_frames(positions: Any, normals: Any, neighbour: np.ndarray, unit: Callable[[Any], Any]) -> Any:
+def vertex_frames(positions: Any, normals: Any, neighbour: Any, unit: Callable[[Any], Any]) -> Any:
     """Rows of the frames (v, 3, 3): normal, edge across it, across both; 0 where there is no such direction."""
     xp = positions.__array_namespace__()  # NumPy, or jax.numpy
     tangent = unit(_across(positions[neighbour] - positions, normals))

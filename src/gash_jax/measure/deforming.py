@@ -16,8 +16,8 @@ from gash_jax.measure.metrics import NO_OCCLUSION
 SHARE = 0.02  # of its range within which a coefficient counts as right
 
 
-def coefficient_ranges(shards: Iterable[Float[np.ndarray, "t v k"]]) -> Float[np.ndarray, "k"]:
-    """Largest less smallest value of each coefficient over all frames and vertices."""
+def coefficient_ranges(shards: Iterable[np.ndarray]) -> Float[np.ndarray, "k"]:
+    """Largest less smallest value of each coefficient over all frames and vertices, of arrays (t, v, k)."""
     ends = [(shard.min(axis=(0, 1)), shard.max(axis=(0, 1))) for shard in shards]
     low, high = (np.stack(side).astype(np.float64) for side in zip(*ends, strict=True))
     return high.max(axis=0) - low.min(axis=0)
@@ -31,13 +31,8 @@ class SequenceScores:
         self._square = self._energy = self._formula = self._absolute = self._second = 0.0
         self._right = self._count = self._seconds = 0
 
-    def add(
-        self,
-        estimate: Float[np.ndarray, "v k"],
-        reference: Float[np.ndarray, "v k"],
-        normals: Float[np.ndarray, "v 3"],
-    ) -> None:
-        """The next frame. Raises ValueError where shapes differ."""
+    def add(self, estimate: np.ndarray, reference: np.ndarray, normals: Float[np.ndarray, "v 3"]) -> None:
+        """The next frame, (v, k) both. Raises ValueError where shapes differ."""
         if estimate.shape != reference.shape or estimate.shape[1:] != self._ranges.shape:
             raise ValueError(f"shapes differ: {estimate.shape} against {reference.shape}; same mesh, same bands needed")
         truth = reference.astype(np.float64)

@@ -36,7 +36,7 @@ from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import posed_meshes
 
-NEAR, POWER = 0.05, 2.0  # d0 and p
+NEAR, POWER = 0.03, 4.0  # d0 and p
 REACH = 4.0  # of the kernel, in lengths of a weighted pose
 
 
@@ -89,12 +89,12 @@ def pose_kernel(
     xp = first.__array_namespace__()
     products = first @ xp.swapaxes(second, -1, -2)
     ends = xp.sum(first * first, axis=-1)[..., :, None] + xp.sum(second * second, axis=-1)[..., None, :]
-    far = xp.sqrt(3 * xp.maximum(ends - 2 * products, 0.0)) / REACH
+    far = xp.sqrt(3 * xp.maximum(ends - 2 * products, 1e-12)) / REACH  # the root of 0 has no gradient
     return (1 + far) * xp.exp(-far)
 
 
 def local_frames(
-    positions: Float[Array, "v 3"], normals: Float[Array, "v 3"], neighbour: Int[Array, "v"]
+    positions: Float[Any, "v 3"], normals: Float[Any, "v 3"], neighbour: Int[Any, "v"]
 ) -> Float[Array, "v 3 3"]:
     """Frames that follow the skin as matrices with columns x, y, z; x is 0 where the edge has vanished."""
     rows = vertex_frames(positions, normals, neighbour, safe_normalize)
@@ -147,7 +147,7 @@ def predict_deform(
 ) -> Float[Array, "v k"]:
     """Coefficients of a pose; the closed form where the frame of a vertex has vanished, 0 without a normal."""
     pose, near = read_pose(reader_of(arrays), positions), arrays["relevance"]
-    seen = pose_kernel((near * pose)[:, None], near[:, None] * arrays["poses"])
+    seen = pose_kernel((near * pose[None])[:, None], near[:, None] * arrays["poses"][None])
     scores = jnp.einsum("qt,qtr->qr", seen[:, 0], arrays["weights"])
     of_vertex = scores[arrays["patch"].astype(jnp.int32)]
     local = arrays["mean"] + jnp.einsum("vkr,vr->vk", arrays["basis"], of_vertex)

@@ -12,7 +12,7 @@ that was ever measured.
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from gash_jax.geometry.animation import Animation, Blend
 
@@ -23,13 +23,13 @@ MARGIN = 0.1  # of the range of training
 
 
 class PoseReader(NamedTuple):
-    """The map of the module docstring; indices are held as float32, as everything in a model file."""
+    """The map of the module docstring, of NumPy or JAX arrays; indices are float32, as all arrays of a model file."""
 
-    sample: Float[np.ndarray, "s"]
-    still: Float[np.ndarray, "s 3"]
-    matrix: Float[np.ndarray, "d p"]  # d = 3 s
-    low: Float[np.ndarray, "p"]
-    high: Float[np.ndarray, "p"]
+    sample: Float[Any, "s"]
+    still: Float[Any, "s 3"]
+    matrix: Float[Any, "d p"]  # d = 3 s
+    low: Float[Any, "p"]
+    high: Float[Any, "p"]
 
 
 POSE_SHAPES: dict[str, tuple[int | str, ...]] = {
@@ -85,7 +85,7 @@ def fit_reader(animation: Animation) -> tuple[PoseReader, Float[np.ndarray, "t p
     return reader, poses, moved
 
 
-def read_pose(reader: Any, positions: Float[Array, "v 3"]) -> Float[Array, "p"]:
+def read_pose(reader: PoseReader, positions: Float[Any, "v 3"]) -> Float[Any, "p"]:
     """The pose of a frame; arrays of NumPy or JAX."""
     xp = positions.__array_namespace__()
     apart = positions[reader.sample.astype("int32")] - reader.still
