@@ -5,24 +5,34 @@ from typing import Any
 from docs.baking_tables import origin
 from docs.local_tables import table
 
-
-def _number(row: dict[str, Any], key: str, form: str) -> str:
-    return format(row[key], form) if key in row else ""
+# column, key of a row, how it is written
+COLUMNS = (
+    ("relrmse", "relrmse", ".4f"),
+    ("accuracy", "accuracy", ".4f"),
+    ("L1", "l1", ".4f"),
+    ("skill", "skill", ".4f"),
+    ("MB", "megabytes", ".1f"),
+    ("compression", "compression", ".0f"),
+    ("fit, CPU s", "fit_cpu_seconds", ".0f"),
+    ("ms a frame", "model_ms", ".1f"),
+    ("CPU ms", "model_cpu_ms", ".1f"),
+    ("normals ms", "normals_ms", ".1f"),
+)
 
 
 def deforming_table(result: dict[str, Any]) -> str:
-    """Every method on one object."""
-    header = ["method", "relrmse", "accuracy", "L1", "skill", "MB", "compression", "ms a frame", "CPU ms", "normals ms"]
-    rows = []
-    for row in result["rows"]:
-        cells = [row["method"], *(_number(row, key, ".4f") for key in ("relrmse", "accuracy", "l1", "skill"))]
-        size = row.get("bytes")
-        cells += ["", ""] if size is None else [f"{size / 1e6:.1f}", f"{result['coefficient_bytes'] / size:.0f}"]
-        rows.append([*cells, *(_number(row, key, ".1f") for key in ("model_ms", "model_cpu_ms", "normals_ms"))])
+    """Every method on one object; of the columns those that the result has."""
+    rows = [dict(row) for row in result["rows"]]
+    for row in rows:
+        if "bytes" in row:
+            row |= {"megabytes": row["bytes"] / 1e6, "compression": result["coefficient_bytes"] / row["bytes"]}
+    shown = [column for column in COLUMNS if any(column[1] in row for row in rows)]
+    lines = [[row["method"], *(format(row[key], form) if key in row else "" for _, key, form in shown)] for row in rows]
     asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
     told = [f"{result['name']}, {result['vertices']} vertices, {asked['bands']} bands, random sparse expressions."]
     told += [f"{asked['frames']} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;"]
     told += [f"{asked['test_frames']} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}."]
     told += ["Compression: the training frames' coefficients in float16 over the model's file, in bytes."]
     told += [f"Seed {result['seed']}; {origin(result)}."]
-    return f"{table(header, rows)}\n\n{chr(10).join(told)}"
+    table_of = table(["method", *(name for name, _, _ in shown)], lines)
+    return "\n".join([table_of, "", *told])

@@ -45,7 +45,7 @@ class DeformConfig(ModelConfig):
     """The regression of patches."""
 
     patches: int = setting(64, "patches that the surface is divided into", least=1)
-    rank: int = setting(8, "numbers of a patch's pose that reach its coefficients", least=1)
+    rank: int = setting(16, "numbers of a patch's pose that reach its coefficients", least=1)
     ridge: float = setting(0.0, "ridge, relative to the kernel; 0: by leaving one pose out in each patch", least=0)
 
 
