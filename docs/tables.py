@@ -22,6 +22,7 @@ from docs import (
     trial_tables,
 )
 from docs.baking_tables import origin
+from docs.deforming_tables import deforming_table
 from docs.method_names import network_name
 
 ROOT = Path(__file__).parents[1]
@@ -134,6 +135,7 @@ TABLES = (
     Table("docs/service.md", "SERVICE LATENCY", service_tables.latency_table, "service.json"),
     Table("docs/service.md", "SERVICE LOAD", service_tables.load_table, "service.json"),
     Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
+    Table("docs/deforming.md", "DEFORMING", deforming_table, "deforming.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
 )
 

@@ -751,6 +751,41 @@ def predict_with_error(
     return coefficients, errors
 
 
+# ---------------------------------------------------------------- section "Models of one object that deforms"
+
+
+def load_deforming(path: str) -> Model:
+    """Read the file of a model of one object that deforms. Raises ValueError for anything else."""
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {str(name): archive[name] for name in archive.files}
+        metadata = json.loads(str(arrays.pop("metadata")))
+    except Exception:
+        raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
+    if metadata.get("format") != "gash-deforming-model" or metadata.get("version") != 1:
+        raise ValueError(f"{path} is no model of an object that deforms, version 1")
+    return Model(metadata["model"], {name: array.astype(np.float32) for name, array in arrays.items()})
+
+
+def predict_pose(model: Model, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Coefficients (v, B*B) of a pose: positions of all vertices, and their normals."""
+    a = model.arrays
+    apart = positions[a["pose/sample"].astype(int)] - a["pose/still"]
+    pose = np.clip(apart.reshape(-1) @ a["pose/matrix"], a["pose/low"], a["pose/high"])
+    if model.config["name"] == "momo-prt":
+        return a["mean"] + np.tensordot((pose - a["middle"]) @ a["weights"], a["basis"], axes=1)
+    square = ((a["relevance"][:, None] * (pose - a["poses"])) ** 2).sum(axis=2)
+    far = np.sqrt(3 * np.maximum(square, 1e-12)) / 4
+    scores = np.einsum("qt,qtr->qr", (1 + far) * np.exp(-far), a["weights"])
+    local = a["mean"] + np.einsum("vkr,vr->vk", a["basis"], scores[a["patch"].astype(int)])
+    edge = positions[a["neighbour"].astype(int)] - positions
+    across = edge - (edge * normals).sum(axis=1, keepdims=True) * normals
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    tangent = across / np.where(length > 0, length, 1)
+    turned = rotate_sh(local, np.stack([tangent, np.cross(normals, tangent), normals], axis=-1))
+    return finished(np.where(length > 0, turned, closed_form(normals, model.config["bands"])), normals)
+
+
 def finished(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Exactly 0 where there is no normal."""
     return np.where(np.any(normals != 0, axis=1)[:, None], coefficients, 0).astype(np.float32)

@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gash_jax.geometry.carried_normals import carried_normals, posed_mesh
 from gash_jax.geometry.mesh import MeshError
-from gash_jax.models.deforming import carried_normals, deforming_predictor, normals_of_pose
+from gash_jax.models.deforming import deforming_predictor, normals_of_pose
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.held import SIDES, TETRAHEDRON, HeldMesh, warm_up
 from gash_jax.models.model import Model
@@ -71,7 +72,7 @@ def test_nothing_is_compiled_for_a_mesh(model: Model, caplog: pytest.LogCaptureF
 def test_normals_of_a_pose_in_numpy_are_those_of_jax() -> None:
     carried = carried_normals(SMOOTH, MESH.faces)
     expected = normals_of_pose(jnp.asarray(BENT), MESH.faces, carried)
-    np.testing.assert_allclose(normals_of_pose(BENT, MESH.faces, carried), expected, atol=5e-6)
+    np.testing.assert_allclose(posed_mesh(BENT, MESH.faces, carried).normals, expected, atol=5e-6)
 
 
 def test_memory_is_that_of_the_arrays_and_grows_by_the_carried_normals(model: Model) -> None:

@@ -13,6 +13,7 @@ from gash_jax.files.caches import keep_compiled_programs, quiet_compiler
 
 # what `gash --help` says of each command, in the command's own words; the file is commands/NAME.py
 COMMANDS = {
+    "animate": "Write the transfer of every frame of ANIMATION: baked, or by a model of the object that deforms.",
     "bake": "Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient.",
     "bench": "Speed against error on MESH: closed form, plain bakes, networks.",
     "compare": "Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more.",

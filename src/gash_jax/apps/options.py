@@ -8,6 +8,8 @@ import click
 
 from gash_jax.light.layouts import LAYOUTS
 
+RESTS = ("drop", "occlude")  # prt.sequence
+
 PATH = click.Path(path_type=Path)
 LIGHT_HELP = "Environment map (.hdr, .exr), light (.npz), or a light by name, such as studio or sun-sky:elevation=30."
 CommandFunction = TypeVar("CommandFunction", bound=Callable[..., Any])
@@ -44,6 +46,18 @@ up_option = click.option(
     default="y",
     show_default=True,
     help="Axis that points up in the file.",
+)
+
+
+vertices_option = click.option(
+    "--vertices", default="", metavar="FIRST:LAST", help="Part of the animation to take, the last not included."
+)
+rest_option = click.option(
+    "--rest",
+    type=click.Choice(RESTS),
+    default=RESTS[0],
+    show_default=True,
+    help="With --vertices: what the others do, leave or cast shadow.",
 )
 
 

@@ -4,7 +4,7 @@ import json
 import struct
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,6 +30,35 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapp
         raise FileError(f"cannot write {path}: its metadata is no JSON ({error}): give numbers and text") from None
     with whole_file(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays, metadata=entries)
+
+
+def write_npz_rows(
+    path: str | Path,
+    name: str,
+    rows: Iterable[np.ndarray],
+    shape: tuple[int, ...],
+    arrays: Mapping[str, np.ndarray],
+    metadata: Mapping[str, Any],
+) -> None:
+    """As `write_npz`, with one float16 array more that need not fit into memory: its rows come one after the other.
+
+    Raises FileError as `write_npz` does, and where the rows do not fill the shape.
+    """
+    with whole_file(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
+        for other, array in {**arrays, "metadata": np.array(json.dumps(metadata))}.items():
+            with archive.open(f"{other}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
+        with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+            header = {"descr": "<f2", "fortran_order": False, "shape": shape}
+            np.lib.format.write_array_header_1_0(file, header)  # type: ignore[arg-type]
+            count = 0
+            for row in rows:
+                if row.shape != shape[1:]:
+                    raise FileError(f"cannot write {path}: a row has shape {row.shape}, not {shape[1:]}")
+                file.write(np.ascontiguousarray(row, "<f2").tobytes())
+                count += 1
+            if count != shape[0]:
+                raise FileError(f"cannot write {path}: {count} rows of {shape[0]} came")
 
 
 def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Num
 
 from gash_jax.algebra.arguments import WholeNumber, whole_number
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, angle_weighted_normals, referenced_by
 
 _ROUNDED = 1e-2  # weights of bones may be stored in 8 bits
 
@@ -110,6 +110,25 @@ class Animation:
         """Matrices of the bones in every frame, from the rest pose; none where there are no bones."""
         bones = self.motion.weights.shape[1] if isinstance(self.motion, Blend) else 0
         return self.parameters[:, self.parameters.shape[1] - 12 * bones :].reshape(len(self.parameters), bones, 3, 4)
+
+
+def part_of(animation: Animation, first: int, last: int, alone: bool = False) -> Animation:
+    """The vertices first .. last - 1 of an animation with the faces among them, normals as they are in the whole.
+
+    `alone`: a vertex that has lost a face gets the angle-weighted normal of those that it keeps.
+    """
+    mesh, motion, rows = animation.mesh, animation.motion, slice(first, last)
+    if first == 0 and last == len(mesh.vertices):
+        return animation
+    inside = ((mesh.faces >= first) & (mesh.faces < last)).all(axis=1)
+    part = Mesh(mesh.vertices[rows], mesh.normals[rows].copy(), mesh.faces[inside] - np.int32(first))
+    cut = referenced_by(mesh.faces[~inside], len(mesh.vertices))[rows]
+    if alone and cut.any():
+        part.normals[cut] = angle_weighted_normals(part.vertices, part.faces)[cut]
+    if isinstance(motion, Recorded):
+        return animation._replace(mesh=part, motion=motion._replace(frames=motion.frames[:, rows]))
+    deltas = np.ascontiguousarray(motion.deltas[:, rows])
+    return animation._replace(mesh=part, motion=Blend(motion.rest[rows], deltas, motion.weights[rows]))
 
 
 def blend_rows(weights: Float[np.ndarray, "t k"], transforms: Float[np.ndarray, "t b 3 4"]) -> Float[np.ndarray, "t p"]:

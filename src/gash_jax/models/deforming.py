@@ -4,14 +4,11 @@ The faces stay, so the tree of surfels, the blocks and their tables are built on
 moments and the network follow the positions. The unit of length is that of the first pose. A frame far from it looks at
 surfels that were chosen for another: build anew from a pose in between when it matters.
 
-The normals of `mesh`, a file's own smooth or hard ones too, are carried along: each keeps its coordinates in the frame
-that the angle-weighted normal of its vertex and one edge there span. So the first pose has them exactly, a pose that is
-turned has them turned, and where they were the angle-weighted normals they stay so in every pose. A vertex without such
-a frame (its faces cancel, or it has none) keeps its normal as it is.
+The normals of `mesh`, a file's own smooth or hard ones too, are carried along (`geometry.carried_normals`).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.formats.meshes import MeshLike, as_mesh
-from gash_jax.geometry.mesh import Mesh, angle_weighted_normals, lengths, normalized
+from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, vertex_frames
 from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
@@ -46,57 +43,12 @@ def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]
     return safe_normalize(sums)
 
 
-class CarriedNormals(NamedTuple):
-    """Normals as coordinates in the frames of their vertices (module docstring)."""
-
-    local: Float[np.ndarray, "v 3"]  # along the angle-weighted normal, the edge across it, and across both
-    neighbour: Int[np.ndarray, "v"]  # the other end of the edge
-    fixed: Float[np.ndarray, "v 3"]  # normals of the vertices without a frame; 0 elsewhere
-
-
-# angle-weighted normals of float32 vertices agree to this, whoever computes them: such a normal is the frame's own
-_SAME = 1e-5
-
-
-def carried_normals(mesh: Mesh, faces: Int[np.ndarray, "f 3"]) -> CarriedNormals:
-    """The normals of a mesh in the frames of its pose, each with the edge that is longest across its normal."""
-    vertices, own = mesh.vertices.astype(np.float64), mesh.normals.astype(np.float64)
-    normals, neighbour = angle_weighted_normals(vertices, faces), np.arange(len(vertices))
-    tail = np.concatenate([faces.ravel(), faces.ravel()])
-    head = np.concatenate([faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()])
-    across = lengths(_across(vertices[head] - vertices[tail], normals[tail]))
-    rising = np.argsort(across, kind="stable")
-    neighbour[tail[rising]] = head[rising]  # the last one stays
-    frames = _frames(vertices, normals, neighbour, normalized)
-    framed = frames.any(axis=2).all(axis=1)
-    local = np.einsum("vij,vj->vi", frames, own) * framed[:, None]
-    local[np.abs(own - normals).max(axis=1) < _SAME] = (1.0, 0.0, 0.0)
-    fixed = np.where(framed[:, None], 0, own)
-    return CarriedNormals(local.astype(np.float32), neighbour, fixed.astype(np.float32))
-
-
-def _across(vectors: Any, normals: Any) -> Any:
-    """What of the vectors is perpendicular to the unit normals."""
-    return vectors - (vectors * normals).sum(axis=1)[:, None] * normals
-
-
-def _frames(positions: Any, normals: Any, neighbour: np.ndarray, unit: Callable[[Any], Any]) -> Any:
-    """Rows of the frames (v, 3, 3): normal, edge across it, across both; 0 where there is no such direction."""
-    xp = jnp if isinstance(positions, jax.Array) else np
-    tangent = unit(_across(positions[neighbour] - positions, normals))
-    return xp.stack([normals, tangent, xp.cross(normals, tangent)], axis=1)
-
-
 def normals_of_pose(
-    positions: Float[Any, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
-) -> Float[Any, "v 3"]:
-    """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish. NumPy of NumPy positions."""
-    if isinstance(positions, np.ndarray):
-        weighted, unit, xp = angle_weighted_normals(positions, faces), normalized, np
-    else:
-        weighted, unit, xp = vertex_normals(positions, faces), safe_normalize, jnp
-    frames = _frames(positions, weighted, carried.neighbour, unit)
-    return unit(xp.einsum("vij,vi->vj", frames, carried.local)) + carried.fixed
+    positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
+) -> Float[Array, "v 3"]:
+    """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish."""
+    frames = vertex_frames(positions, vertex_normals(positions, faces), carried.neighbour, safe_normalize)
+    return safe_normalize(jnp.einsum("vij,vi->vj", frames, carried.local)) + carried.fixed
 
 
 def check_deforms(model: Model) -> None:

@@ -4,6 +4,8 @@ A new kind of network is one file in `nn` (a config and a Flax module that answe
 deterministic=True)` with "v k" coefficients) and one entry here. What an entry leaves out is what most networks do:
 batches of whole shapes, one phase of MSE, prediction of all vertices at once. docs/new_network.md adds one.
 
+Models of one object that deforms read no mesh but a pose of theirs: `deforming_families`.
+
 What a network reads need not be a graph: any pytree of arrays will do that its `batches` can put together.
 """
 
@@ -19,6 +21,7 @@ from gash_jax.files.settings import ConfigError, from_dict, near_names
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import Graph, build_graph, edgeless_graph
 from gash_jax.graph.surfel_graph import SurfelGraph, surfel_graph
+from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.examples import Batches, Example, Item, WholeShapes
 from gash_jax.models.phases import Phase, one_phase, surfel_phases, two_stage_phases
 from gash_jax.models.surfel_blocks import BlockPool
@@ -121,10 +124,11 @@ def model_config(name: str = "local", bands: int = 3, **values: Any) -> ModelCon
 def config_from_dict(values: Mapping[str, Any]) -> ModelConfig:
     """A config from the table `model` of a run, which is "local" unless it has a name. Raises ConfigError."""
     name = values.get("name", "local")
-    if name not in FAMILIES:
-        near = near_names(str(name), FAMILIES)
-        raise ConfigError(f"unknown model {name!r}{near}: known are {', '.join(FAMILIES)}")
-    return from_dict(FAMILIES[name].config, {"name": name, **values}, "model.")
+    known = {family: entry.config for table in (FAMILIES, DEFORMING) for family, entry in table.items()}
+    if name not in known:
+        near = near_names(str(name), known)
+        raise ConfigError(f"unknown model {name!r}{near}: known are {', '.join(known)}")
+    return from_dict(known[name], {"name": name, **values}, "model.")
 
 
 def config_from_file(values: Mapping[str, Any]) -> ModelConfig:

@@ -16,12 +16,13 @@ import jax
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, posed_mesh
 from gash_jax.geometry.checks import checked_vertices
 from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.graph.surfel_graph import SurfelGraph, normalised, plan_surfels, planned_graph
 from gash_jax.graph.surfels import surfel_records
-from gash_jax.models.deforming import CarriedNormals, carried_normals, check_deforms, normals_of_pose
+from gash_jax.models.deforming import check_deforms
 from gash_jax.models.model import Model
 from gash_jax.models.surfel_inference import compile_calls, predict_on_host
 
@@ -69,7 +70,7 @@ class HeldMesh:
             raise MeshError(f"positions have shape {vertices.shape}, the mesh has {self.mesh.vertices.shape}")
         shape = NormalisedMesh(self.mesh._replace(vertices=checked_vertices(vertices)))
         positions = shape.positions(self.unit).astype(np.float32)
-        normals = normals_of_pose(positions, self.plan.faces, self._carried).astype(np.float32)
+        normals = posed_mesh(positions, self.plan.faces, self._carried).normals
         records = surfel_records(self.plan.tree, positions, self.plan.faces)
         graph = planned_graph(self.plan, records, positions, normals, shape.center, self.unit)
         return self._predicted(graph, normals, started)

@@ -27,6 +27,7 @@ from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = "gash-model", 1
+DEFORMING_FORMAT = "gash-deforming-model"
 # arrays by the names that the first files gave them
 RENAMED = {
     f"{old}/{kind}": f"{new}/{kind}"
@@ -176,6 +177,10 @@ def load_model(name: str | Path) -> Model:
     """
     path = model_file(name)
     arrays, metadata = read_npz(path, "model", ())
+    if metadata.get("format") == DEFORMING_FORMAT:
+        raise FileError(
+            f"{path} is of one object that deforms: use it with gash animate --model or load_deforming_model"
+        )
     if metadata.get("format") != FORMAT:
         raise FileError(f"{path} is not a model file: write one with `gash train` or `gash export`")
     try:

@@ -2,7 +2,8 @@
 
 The scene is the one that was baked, or one whose vertices are split: with a map (`weld`) coefficients go from file
 vertices to engine vertices by place and normal (`geometry.vertex_matching`), and vertices at one place with one normal
-get their mean first, so that no seam shows. Coefficients are those of the world at rest, whatever nodes and skins do later.
+get their mean first, so that no seam shows. Coefficients are those of the world at rest, whatever nodes and skins do
+later.
 """
 
 from pathlib import Path

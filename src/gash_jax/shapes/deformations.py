@@ -47,6 +47,24 @@ def sparse_weights(rng: np.random.Generator, frames: int, shapes: int) -> Float[
     return weights
 
 
+def has_random_poses(animation: Animation) -> bool:
+    """Whether an animation has shapes and no bones."""
+    motion = animation.motion
+    return isinstance(motion, Blend) and not motion.weights.shape[1] and len(motion.deltas) > 0
+
+
+def random_poses(animation: Animation, seed: WholeNumber, frames: WholeNumber, held_out: bool = False) -> Animation:
+    """Frames of 1 to 8 of an animation's shapes at once with weights in 0..1, in place of its own.
+
+    `held_out` gives others than without it, for tests. Raises ValueError for an animation with bones or without shapes.
+    """
+    seed, frames, shapes = whole_number(seed, "seed", 0), whole_number(frames, "frames", 1), len(animation.names)
+    if not has_random_poses(animation):
+        raise ValueError("random poses need blendshapes without bones: take the frames of the file")
+    weights = sparse_weights(np.random.default_rng([seed, 4 + held_out]), frames + 1, shapes)[1:]
+    return animation._replace(parameters=blend_rows(weights, np.zeros((frames, 0, 3, 4))), seconds=None)
+
+
 def lattice_animation(mesh: Mesh, seed: WholeNumber, frames: WholeNumber, points: WholeNumber = 4) -> Animation:
     """Free-form deformation by a lattice of points³ control points around the mesh that sway independently.
 

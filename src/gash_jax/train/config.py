@@ -23,13 +23,17 @@ from gash_jax.files.atomic import as_path
 from gash_jax.files.settings import ConfigError, check_settings, from_dict, near_names, setting
 from gash_jax.models.families import config_from_dict, model_config
 from gash_jax.nn.config import ModelConfig
+from gash_jax.prt.sequence import RESTS
+
+POSES = ("auto", "random", "file")
 
 
 @dataclass(frozen=True)
 class DataConfig:
     """Procedural corpus: the first `validation_shapes` shapes validate, the following `shapes` train.
 
-    A folder of meshes takes the place of either; its labels are baked with as many rays.
+    A folder of meshes takes the place of either; its labels are baked with as many rays. Models of an object that
+    deforms are fitted to `frames` frames of its animation, and held against `test_frames` others.
     """
 
     shapes: int = setting(96, "shapes to train on", least=1)
@@ -40,6 +44,15 @@ class DataConfig:
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
     validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
+    animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for momo-prt and deform")
+    poses: str = setting(
+        "auto", "random weights of the shapes, or the frames of the file; auto: random for blendshapes", choices=POSES
+    )
+    frames: int = setting(450, "frames to train on", least=2)
+    test_frames: int = setting(50, "frames to test on: other random ones, or the last of the file", least=1)
+    test_rays: int = setting(4096, "rays per vertex of the test frames", least=1, most=1 << 20)
+    vertices: str = setting("", "part of the object to predict, such as 0:11248; all of it if empty")
+    rest: str = setting("drop", "whether the other vertices are left out or cast shadow", choices=RESTS)
 
     def __post_init__(self) -> None:
         check_settings(self)

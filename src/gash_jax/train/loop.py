@@ -41,7 +41,7 @@ def initial_state(config: RunConfig, example: Batch) -> TrainState:
     return TrainState(params, params, float("inf"), moments, scale, 0, 0, 0.0)
 
 
-def _open_folder(folder: Path, config: RunConfig) -> None:
+def open_folder(folder: Path, config: RunConfig) -> None:
     """Make the run's folder; a run that is there already must have the same config, but for its budget."""
     folder.mkdir(parents=True, exist_ok=True)
     saved = folder / "config.json"
@@ -70,7 +70,7 @@ def train_model(
     checkpoint, DivergenceError where the loss is not finite.
     """
     folder = Path(folder)
-    _open_folder(folder, config)
+    open_folder(folder, config)
     put_together = family_of(config.model).batches
     batches = put_together(validation).in_order(config.train.batch_vertices) if validation else []
     draw = put_together(training).draw

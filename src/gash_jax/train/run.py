@@ -8,6 +8,7 @@ import numpy as np
 
 from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.settings import ConfigError
+from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.examples import Item, WholeShapes
 from gash_jax.models.families import family_of, make_examples
 from gash_jax.models.model import load_model
@@ -15,6 +16,7 @@ from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint
 from gash_jax.train.config import RunConfig, load_config
 from gash_jax.train.corpus import build_corpus, split_indices
+from gash_jax.train.deforming_run import run_deforming
 from gash_jax.train.distillation import distilled
 from gash_jax.train.loop import initial_state, train_model
 from gash_jax.train.own_meshes import folder_items, labelled_mesh
@@ -32,6 +34,8 @@ def run_config(
 ) -> tuple[Path, list[Item]]:
     """Train (or continue) the run in `folder`; its model file, and the validation shapes.
 
+    Models of one object that deforms have none: what they score on test frames stands in the folder.
+
     >>> tiny = ["data.shapes=1", "data.rays=16", "data.min_vertices=150", "data.max_vertices=200"]
     >>> config = gash_jax.load_config("mlp", [*tiny, "data.validation_shapes=1", "train.steps=2", "model.channels=8"])
     >>> path, validation_shapes = gash_jax.run_config(config, "run")
@@ -43,6 +47,8 @@ def run_config(
     folder = as_path(folder)
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is no folder: name one for the run, which need not exist")
+    if config.model.name in DEFORMING:
+        return run_deforming(config, folder, progress)[0], []
     teacher = load_model(config.train.teacher) if config.train.teacher else None
     start = _start(config)
     items, validation = training_items(config, progress)

@@ -10,8 +10,10 @@ from gash_jax.apps.pictures.plots import plot_curves
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.files.settings import allowed_values
+from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.families import FAMILIES
-from gash_jax.train.config import DataConfig, OptimConfig, TrainConfig, load_config, shipped_configs
+from gash_jax.train.config import DataConfig, OptimConfig, RunConfig, TrainConfig, load_config, shipped_configs
+from gash_jax.train.deforming_run import SCORES, run_deforming
 from gash_jax.train.logs import CLOCKS, read_lines
 from gash_jax.train.run import run_config
 
@@ -30,7 +32,7 @@ class TrainCommand(Command):
         for name, table in tables.items():
             with formatter.section(f"Settings [{name}]"):
                 formatter.write_dl(_settings(name, table))
-        for family, entry in FAMILIES.items():
+        for family, entry in [*FAMILIES.items(), *DEFORMING.items()]:
             with formatter.section(f'Settings [model] where model.name="{family}"'):
                 formatter.write_dl(_settings("model", entry.config))
 
@@ -62,6 +64,9 @@ def train(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: 
     """
     run = load_config(config, overrides)
     folder = output or Path("runs") / run.name
+    if run.model.name in DEFORMING:
+        _train_deforming(run, folder, quiet)
+        return
     with progress_bar("corpus", quiet) as corpus, progress_bar(f"training {run.name}", quiet) as update:
 
         def report(phase: str, fraction: float, measures: dict[str, float]) -> None:
@@ -77,3 +82,13 @@ def train(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: 
         wall, cpu = (last[name] for name in CLOCKS)
         say(f"{sum(steps.values())} steps in {wall:.1f} s, {cpu:.1f} CPU seconds", quiet)
     say(f"wrote {path} and {folder / CURVES}", quiet)
+
+
+def _train_deforming(run: RunConfig, folder: Path, quiet: bool) -> None:
+    """Bake the frames of an object that deforms, fit its model, test it."""
+    with progress_bar(f"frames of {run.name}", quiet) as update:
+        path, scores = run_deforming(run, folder, update)
+    measures = ", ".join(f"{name} {scores[name]:.4f}" for name in ("relrmse", "accuracy", "skill") if name in scores)
+    say(f"{scores['test_frames']} test frames: {measures}", quiet)
+    say(f"fitted in {scores['fit_seconds']['cpu']:.1f} CPU seconds, {scores['bytes'] / 1e6:.2f} MB", quiet)
+    say(f"wrote {path} and {folder / SCORES}", quiet)

@@ -1,0 +1,108 @@
+"""`gash animate`: the transfer of every frame of an animation, baked or by a model."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+
+from gash_jax.apps.options import (
+    PATH,
+    Command,
+    bands_option,
+    output_option,
+    quiet_option,
+    rest_option,
+    up_option,
+    vertices_option,
+)
+from gash_jax.apps.printing import say
+from gash_jax.apps.progress import UpdateFn, progress_bar
+from gash_jax.files.atomic import check_writable
+from gash_jax.files.npz import write_npz_rows
+from gash_jax.formats.animations import load_animation
+from gash_jax.formats.meshes import mesh_files
+from gash_jax.models.deforming_model import DeformingModel, deforming_model_file, load_deforming_model
+from gash_jax.prt.sequence import MovingScene, moving_scene
+from gash_jax.prt.transfer import make_metadata
+from gash_jax.train.truth import bake_truth
+
+FORMAT, BAKE = "gash-animated-transfer", "bake"
+
+
+@click.command(cls=Command, epilog="gash animate walk.glb -o walk.npz --rays 64")
+@click.argument("animation", type=PATH)
+@output_option
+@click.option("--model", default=BAKE, show_default=True, help="Run folder or weights file (.npz); bake: by rays.")
+@bands_option(4)
+@click.option(
+    "--rays", type=click.IntRange(1, 1 << 20), default=256, show_default=True, help="Rays per vertex of a bake."
+)
+@vertices_option
+@rest_option
+@click.option("--clip", help="Clip of a glTF file.  [default: the first]")
+@up_option
+@quiet_option
+def animate(
+    animation: Path,
+    output: Path,
+    model: str,
+    bands: int,
+    rays: int,
+    vertices: str,
+    rest: str,
+    clip: str | None,
+    up: str,
+    quiet: bool,
+) -> None:
+    """Write the transfer of every frame of ANIMATION: coefficients float16 (frames, vertices, bands²).
+
+    A bake is kept frame by frame, so after an interruption the same command goes on where it stopped.
+    """
+    fitted = None if model == BAKE else load_deforming_model(model)
+    weights = None if model == BAKE else deforming_model_file(model)
+    check_writable(output, [*mesh_files(animation), weights])
+    scene = moving_scene(load_animation(animation, up, clip), vertices, rest)
+    with progress_bar(f"{len(scene.animation)} frames", quiet) as update:
+        if fitted is None:
+            seconds = _bake(output, scene, bands, rays, update)
+        else:
+            seconds = _predict(output, scene, fitted, update, quiet)
+    say(f"{len(scene.animation)} frames x {scene.rows.stop - scene.rows.start} vertices, {seconds}", quiet)
+    say(f"wrote {output}", quiet)
+
+
+def _bake(output: Path, scene: MovingScene, bands: int, rays: int, update: UpdateFn) -> str:
+    truth = bake_truth(scene, bands, rays, update)
+    parameters = {"rays": rays, "rows": [scene.rows.start, scene.rows.stop]}
+    frames = (frame for shard in truth.shards() for frame in shard)
+    _write(output, frames, scene, bands, "bake", parameters)
+    return f"{truth.cpu_seconds:.3g} CPU seconds a frame when they were baked"
+
+
+def _predict(output: Path, scene: MovingScene, model: DeformingModel, update: UpdateFn, quiet: bool) -> str:
+    moving, outside, taken = scene.receivers, [], []
+
+    def frames() -> Iterator[np.ndarray]:
+        for number, positions in enumerate(moving.frames()):
+            started = time.perf_counter()
+            found = np.asarray(model(positions))
+            taken.append(time.perf_counter() - started)
+            outside.extend([number] * model.outside(positions))
+            update(number + 1, len(moving))
+            yield found
+
+    model.pose(moving.mesh.vertices)  # another mesh is refused before anything is written
+    _write(output, frames(), scene, model.config.bands, model.config.name, {"weights": model.metadata.get("name", "")})
+    if outside:
+        say(f"  {len(outside)} frames (first: {outside[0]}) are outside the poses that the model was fitted to", quiet)
+    return f"{1e3 * float(np.median(taken)):.3g} ms a frame"
+
+
+def _write(
+    output: Path, frames: Iterator[np.ndarray], scene: MovingScene, bands: int, method: str, parameters: dict
+) -> None:
+    shape = (len(scene.animation), scene.rows.stop - scene.rows.start, bands**2)
+    metadata = {**make_metadata(bands, method, parameters), "format": FORMAT}
+    write_npz_rows(output, "coefficients", frames, shape, {"faces": scene.receivers.mesh.faces}, metadata)

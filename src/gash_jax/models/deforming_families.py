@@ -1,0 +1,36 @@
+"""Networks and fits for one object that deforms: a table beside `families`, whose networks read any mesh.
+
+A model of this table belongs to one mesh and one motion. It reads the positions and normals of a pose of that mesh and
+gives the coefficients of all its vertices. A new kind is a config, `fit` (training poses -> arrays) and `predict`
+(arrays, pose -> coefficients, a JAX function), and one entry here.
+
+    momo-prt   pose -> coefficients by least squares (Schneider et al. 2017)
+    deform     regression of each patch of the surface on the poses of what is around it, in the frames of the vertices
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from jaxtyping import Array, Float
+
+from gash_jax.models.deform import DEFORM_SHAPES, DeformConfig, fit_deform, predict_deform
+from gash_jax.models.momo_prt import MOMO_SHAPES, MomoConfig, fit_momo, predict_momo
+from gash_jax.models.training_poses import TrainingPoses
+from gash_jax.nn.config import ModelConfig
+
+Arrays = dict[str, Any]  # float32, by name
+
+
+class DeformingFamily(NamedTuple):
+    """A kind of model of one object that deforms."""
+
+    config: type[ModelConfig]
+    fit: Callable[[Any, TrainingPoses], Arrays]
+    shapes: dict[str, tuple[int | str, ...]]  # of its arrays, beside those of `pose_reader`
+    predict: Callable[[Arrays, Float[Array, "v 3"], Float[Array, "v 3"]], Float[Array, "v k"]]
+
+
+DEFORMING: dict[str, DeformingFamily] = {
+    "momo-prt": DeformingFamily(MomoConfig, fit_momo, MOMO_SHAPES, predict_momo),
+    "deform": DeformingFamily(DeformConfig, fit_deform, DEFORM_SHAPES, predict_deform),
+}

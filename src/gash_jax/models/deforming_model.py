@@ -1,0 +1,127 @@
+"""A fitted model of one object that deforms, as one value: config and arrays in, a pose in, coefficients out.
+
+Files are npz as those of `model`: float32 arrays by name, the large ones float16, and JSON metadata with the full
+config. They also hold the rest and the faces, so that a pose can be checked and given its normals.
+"""
+
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
+from gash_jax.files.atomic import FileError, as_path
+from gash_jax.files.npz import check_arrays, names_in_npz, read_npz, write_npz
+from gash_jax.files.settings import ConfigError, from_dict
+from gash_jax.geometry.carried_normals import carried_normals, posed_mesh
+from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.models.deforming_families import DEFORMING
+from gash_jax.models.model import DEFORMING_FORMAT
+from gash_jax.models.pose_reader import POSE_SHAPES, poses_outside, reader_of
+from gash_jax.nn.config import ModelConfig
+from gash_jax.prt.transfer import Transfer, make_metadata
+
+FORMAT, FORMAT_VERSION = DEFORMING_FORMAT, 1
+HALVES = ("mean", "basis", "weights")  # arrays that are written in float16; the others are small, or indices
+REST = ("rest/vertices", "rest/normals", "rest/faces")
+
+
+@cache
+def _compiled(name: str) -> Any:
+    return jax.jit(DEFORMING[name].predict)
+
+
+class DeformingModel:
+    """A model of one object: `model(positions)` gives (v, k) coefficients of a pose of it.
+
+    Positions are those of all vertices, in the units and the order of the mesh that it was fitted to.
+    """
+
+    def __init__(self, config: ModelConfig, arrays: dict[str, Any], mesh: Mesh, metadata: dict[str, Any]):
+        self.config: Any = config
+        self.mesh, self.metadata = mesh, metadata
+        self.arrays = {name: np.asarray(array, np.float32) for name, array in arrays.items()}
+        self._carried = carried_normals(mesh, mesh.faces)
+        self._held = {name: jnp.asarray(array) for name, array in self.arrays.items()}
+
+    def pose(self, positions: ArrayLike | Array) -> Mesh:
+        """A pose as a mesh, with normals carried along from the rest. Raises MeshError for another mesh."""
+        found = np.asarray(as_array(positions))
+        if found.shape != self.mesh.vertices.shape or not is_real(found) or not np.isfinite(found).all():
+            raise MeshError(
+                f"positions have shape {found.shape} {found.dtype}: this model is of one mesh, give finite positions "
+                f"of all its vertices, {self.mesh.vertices.shape}"
+            )
+        return posed_mesh(found.astype(np.float32), self.mesh.faces, self._carried)
+
+    def coefficients(self, mesh: Mesh) -> Float[Array, "v k"]:
+        """Coefficients of a pose that has its normals."""
+        return _compiled(self.config.name)(self._held, jnp.asarray(mesh.vertices), jnp.asarray(mesh.normals))
+
+    def __call__(self, positions: ArrayLike | Array) -> Float[Array, "v k"]:
+        """Coefficients of all vertices of a pose."""
+        return self.coefficients(self.pose(positions))
+
+    def predict(self, positions: ArrayLike | Array) -> Transfer:
+        """The transfer of a pose."""
+        started = time.perf_counter()
+        mesh = self.pose(positions)
+        found = np.asarray(jax.block_until_ready(self.coefficients(mesh)))
+        parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", "")}
+        seconds = {"total": time.perf_counter() - started}
+        metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=0, seconds=seconds)
+        return Transfer(found, None, *mesh, metadata)
+
+    def outside(self, positions: Float[np.ndarray, "v 3"]) -> bool:
+        """Whether a pose lies outside the range of those that the model was fitted to."""
+        return poses_outside(reader_of(self.arrays), positions) > 0
+
+
+def save_deforming_model(
+    path: str | Path, config: ModelConfig, arrays: dict[str, Any], mesh: Mesh, **metadata: Any
+) -> None:
+    """Write a model file; `metadata` entries go in beside the config."""
+    kept = {name: np.asarray(array, np.float16 if name in HALVES else np.float32) for name, array in arrays.items()}
+    rest = dict(zip(REST, (mesh.vertices, mesh.normals, mesh.faces.astype(np.float32)), strict=True))
+    header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
+    write_npz(path, {**kept, **rest}, header)
+
+
+def deforming_model_file(name: str | Path) -> Path:
+    """The file at a path, or that of the run in a folder. Raises FileError."""
+    path = as_path(name)
+    if path.is_dir():
+        path = path / "model.npz"
+    if not path.is_file():
+        raise FileError(f"no model {str(name)!r}: give the folder of a run of gash train, or a weights file")
+    return path
+
+
+def is_deforming(path: Path) -> bool:
+    """Whether a file is of a model of one object that deforms. Raises FileError where it is no npz file."""
+    return REST[0] in names_in_npz(path)
+
+
+def load_deforming_model(name: str | Path) -> DeformingModel:
+    """Read a model file, or that of a run's folder. Raises FileError for anything else."""
+    path = deforming_model_file(name)
+    arrays, metadata = read_npz(path, "model", ())
+    if metadata.get("format") != FORMAT:
+        raise FileError(f"{path} is no model of an object that deforms: train one with gash train deform")
+    values = metadata.get("model", {})
+    if values.get("name") not in DEFORMING:
+        raise FileError(f"{path} was written by another version of gash_jax: its kind is {values.get('name')!r}")
+    try:
+        config = from_dict(DEFORMING[values["name"]].config, values, "model.")
+    except ConfigError as error:
+        raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
+    rest: dict[str, tuple[int | str, ...]] = {REST[0]: ("v", 3), REST[1]: ("v", 3), REST[2]: ("f", 3)}
+    check_arrays(path, "model", arrays, {**rest, **POSE_SHAPES, **DEFORMING[config.name].shapes})
+    vertices, normals, faces = (arrays.pop(name) for name in REST)
+    mesh = Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces.astype(np.int32))
+    return DeformingModel(config, arrays, mesh, metadata)

@@ -1,0 +1,98 @@
+"""From the positions of a deforming mesh to the few numbers that say its pose.
+
+A pose is read off a sample of the vertices, spread evenly over the rest: with d their displacement from it, the pose is
+the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes, so the pose is their weights, exactly where
+the shapes differ on the sample. Of all other motions the pose is the leading principal components of the displacements
+of the training frames, scaled to a variance of 1.
+
+Each number is held to the range that it had in training, widened by a tenth: further out a fitted model says nothing
+that was ever measured.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from gash_jax.geometry.animation import Animation, Blend
+
+SAMPLE = 200  # vertices
+COMPONENTS = 32  # of motions that are not blendshapes
+SMALLEST = 1e-5  # singular values, relative, that count
+MARGIN = 0.1  # of the range of training
+
+
+class PoseReader(NamedTuple):
+    """The map of the module docstring, of NumPy or JAX arrays; indices are float32, as all arrays of a model file."""
+
+    sample: Float[Any, "s"]
+    still: Float[Any, "s 3"]
+    matrix: Float[Any, "d p"]  # d = 3 s
+    low: Float[Any, "p"]
+    high: Float[Any, "p"]
+
+
+POSE_SHAPES: dict[str, tuple[int | str, ...]] = {
+    "pose/sample": ("s",),
+    "pose/still": ("s", 3),
+    "pose/matrix": ("d", "p"),
+    "pose/low": ("p",),
+    "pose/high": ("p",),
+}
+
+
+def reader_arrays(reader: PoseReader) -> dict[str, Any]:
+    """A reader among the arrays of a model."""
+    return dict(zip(POSE_SHAPES, reader, strict=True))
+
+
+def reader_of(arrays: dict[str, Any]) -> PoseReader:
+    """The reader among the arrays of a model."""
+    return PoseReader(*(arrays[name] for name in POSE_SHAPES))
+
+
+def spread_vertices(points: Float[np.ndarray, "v 3"], count: int) -> Int[np.ndarray, "s"]:
+    """Vertices far apart, each the farthest from those before it; the first is the farthest from the middle."""
+    count, found = min(count, len(points)), []
+    apart = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
+    for _ in range(count):
+        found.append(int(apart.argmax()))
+        beside = ((points - points[found[-1]]) ** 2).sum(axis=1)
+        apart = beside if len(found) == 1 else np.minimum(apart, beside)
+    return np.array(found)
+
+
+def fit_reader(animation: Animation) -> tuple[PoseReader, Float[np.ndarray, "t p"], Float[np.ndarray, "p s"]]:
+    """The reader of an animation's frames, their poses, and how far each number moves each vertex of the sample."""
+    rest = animation.mesh.vertices.astype(np.float64)
+    sample = spread_vertices(rest, SAMPLE)
+    seen = np.stack([frame[sample] for frame in animation.frames()]).astype(np.float64)
+    motion, still = animation.motion, rest[sample]
+    if isinstance(motion, Blend) and not motion.weights.shape[1]:
+        lift = motion.deltas[:, sample].reshape(len(motion.deltas), -1).astype(np.float64)
+        matrix = np.linalg.pinv(lift, rcond=SMALLEST)
+    else:
+        still = seen.mean(axis=0)
+        _, sizes, ways = np.linalg.svd((seen - still).reshape(len(seen), -1), full_matrices=False)
+        kept = np.flatnonzero(sizes > SMALLEST * max(float(sizes.max(initial=0)), 1e-30))[:COMPONENTS]
+        scale = sizes[kept] / np.sqrt(len(seen))
+        lift, matrix = scale[:, None] * ways[kept], (ways[kept] / scale[:, None]).T
+    poses = (seen - still).reshape(len(seen), -1) @ matrix
+    low, high = poses.min(axis=0), poses.max(axis=0)
+    room = MARGIN * (high - low)
+    moved = np.linalg.norm(lift.reshape(len(lift), -1, 3), axis=2)
+    reader = PoseReader(*(part.astype(np.float32) for part in (sample, still, matrix, low - room, high + room)))
+    return reader, poses, moved
+
+
+def read_pose(reader: PoseReader, positions: Float[Any, "v 3"]) -> Float[Any, "p"]:
+    """The pose of a frame; arrays of NumPy or JAX."""
+    xp = positions.__array_namespace__()
+    apart = positions[reader.sample.astype("int32")] - reader.still
+    return xp.clip(apart.reshape(-1) @ reader.matrix, reader.low, reader.high)
+
+
+def poses_outside(reader: PoseReader, positions: Float[np.ndarray, "v 3"]) -> int:
+    """How many numbers of a frame's pose had to be held to the range of training."""
+    wide = (positions[reader.sample.astype(int)] - reader.still).reshape(-1) @ reader.matrix
+    return int(((wide < reader.low) | (wide > reader.high)).sum())

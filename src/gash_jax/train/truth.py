@@ -1,0 +1,122 @@
+"""Ground truth of deforming meshes: every frame baked, kept in the cache in files of 16 frames.
+
+A file holds the coefficients of its frames in float16, (t, v, k), uncompressed, so that they can be read frame by frame
+without being loaded, and the seconds that they took. Its name is the hash of everything that determines them: positions
+and normals of its frames, faces, rows, rays, bands, the seeds, the source of the bake. So a bake that was interrupted
+goes on where it stopped, frames that two runs share are baked once, and a file that was damaged is baked again: it
+also holds the hash of its coefficients.
+
+Frame i is baked with seed i, so that the noise of the rays is independent from frame to frame.
+"""
+
+import hashlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from gash_jax.files.atomic import FileError
+from gash_jax.files.caches import cache_folder, source_hash
+from gash_jax.files.npz import open_npz, read_npz, write_npz
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.prt.sequence import MovingScene, bake_pose, posed_meshes
+
+FRAMES = 16  # in a file
+BAKE_ROOMS = ("algebra", "geometry", "prt")
+Progress = Callable[[int, int], None]
+
+
+class Truth(NamedTuple):
+    """Coefficients of all frames of a scene, in files."""
+
+    scene: MovingScene
+    bands: int
+    rays: int
+    files: tuple[Path, ...]
+    cpu_seconds: float  # a frame, of all cores together, when it was baked
+    wall_seconds: float
+
+    def __len__(self) -> int:
+        return len(self.scene.animation)
+
+    def shards(self) -> list[Float[np.ndarray, "t v k"]]:
+        """The coefficients of every file, float16; large ones stay in their files until they are used."""
+        return [open_npz(path, "baked frames")["coefficients"] for path in self.files]
+
+    def coefficients(self) -> Float[np.ndarray, "t v k"]:
+        """The coefficients of all frames, float16, in memory."""
+        return np.concatenate(self.shards())
+
+
+def bake_truth(scene: MovingScene, bands: int, rays: int, progress: Progress | None = None) -> Truth:
+    """Bake the frames of a scene that are not there yet; the ground truth of all of them."""
+    count = len(scene.animation)
+    files, seconds = [], np.zeros(2)
+    for first in range(0, count, FRAMES):
+        last = min(first + FRAMES, count)
+        meshes = list(posed_meshes(scene.animation, first, last))
+        path = _file_of(scene, meshes, bands, rays, first)
+        taken = _seconds_of(path)
+        if taken is None:
+
+            def baked(done: int, first: int = first) -> None:
+                if progress:
+                    progress(first + done, count)
+
+            _bake_file(path, scene, meshes, bands, rays, first, baked)
+            taken = _seconds_of(path)
+            if taken is None:
+                raise FileError(f"{path} was changed while it was written: bake again")
+        seconds += taken
+        files.append(path)
+        if progress:
+            progress(last, count)
+    cpu, wall = (seconds / max(count, 1)).tolist()
+    return Truth(scene, bands, rays, tuple(files), cpu, wall)
+
+
+def _file_of(scene: MovingScene, meshes: list[Mesh], bands: int, rays: int, first: int) -> Path:
+    """Where some frames are kept."""
+    digest = hashlib.sha256(np.ascontiguousarray(scene.animation.mesh.faces).tobytes())
+    for mesh in meshes:
+        digest.update(mesh.vertices.tobytes() + mesh.normals.tobytes())
+    rows = scene.rows
+    digest.update(repr((rows.start, rows.stop, bands, rays, first, source_hash(BAKE_ROOMS))).encode())
+    return cache_folder() / "frames" / f"{digest.hexdigest()[:24]}.npz"
+
+
+def _seconds_of(path: Path) -> Float[np.ndarray, "2"] | None:
+    """CPU and wall seconds that a file's frames took; None where it is not there, or is not what was written."""
+    try:
+        arrays, metadata = read_npz(path, "baked frames", ("coefficients",))
+        whole = metadata["sha256"] == hashlib.sha256(arrays["coefficients"].tobytes()).hexdigest()
+        return np.array([metadata["cpu_seconds"], metadata["wall_seconds"]], float) if whole else None
+    except (FileError, LookupError, TypeError, ValueError):
+        return None
+
+
+def _bake_file(
+    path: Path,
+    scene: MovingScene,
+    meshes: list[Mesh],
+    bands: int,
+    rays: int,
+    first: int,
+    baked: Callable[[int], None],
+) -> None:
+    """Bake some frames and keep them."""
+    started, frames = (time.process_time(), time.perf_counter()), []
+    for number, mesh in enumerate(meshes):
+        frames.append(bake_pose(mesh, scene.rows, bands, rays, first + number).astype(np.float16))
+        baked(number + 1)
+    write_frames(path, np.stack(frames), time.process_time() - started[0], time.perf_counter() - started[1])
+
+
+def write_frames(path: Path, coefficients: Float[np.ndarray, "t v k"], cpu: float, wall: float) -> None:
+    """A file of baked frames."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    digest = hashlib.sha256(coefficients.tobytes()).hexdigest()
+    write_npz(path, {"coefficients": coefficients}, {"sha256": digest, "cpu_seconds": cpu, "wall_seconds": wall})

@@ -1,0 +1,155 @@
+"""Every model of one object that deforms: what it fits, what it says of poses, its file."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gash_jax.algebra.closed_forms import unshadowed_transfer
+from gash_jax.files.atomic import FileError
+from gash_jax.files.settings import from_dict
+from gash_jax.geometry.carried_normals import carried_normals
+from gash_jax.geometry.mesh import MeshError
+from gash_jax.models.deform import divide_surface, local_coefficients, local_frames, pose_kernel, relevance
+from gash_jax.models.deforming_families import DEFORMING
+from gash_jax.models.deforming_model import DeformingModel, load_deforming_model, save_deforming_model
+from gash_jax.models.families import model_config
+from gash_jax.models.model import load_model, save_model
+from gash_jax.models.training_poses import TrainingPoses
+from gash_jax.prt.sequence import posed_meshes
+from gash_jax.shapes.deformations import blendshape_animation
+from gash_jax.shapes.primitives import bumpy_sphere
+from runtimes import gash_numpy
+from tests.helpers.bumpy import random_rotation
+
+MESH = bumpy_sphere(5)
+MOVING = blendshape_animation(MESH, 0, 40, 4)
+COUNT = len(MESH.vertices)
+NORMALS = np.stack([mesh.normals for mesh in posed_meshes(MOVING)])
+BARE = np.stack([np.asarray(unshadowed_transfer(normals, 3)) for normals in NORMALS])
+PUSH = np.random.default_rng(1).normal(size=(4, COUNT, 9))
+LINEAR = 0.2 + np.tensordot(MOVING.parameters, 0.05 * PUSH, axes=1)  # linear in the weights
+CONFIGS = {"momo-prt": {"rank": 4}, "deform": {"rank": 9, "patches": 6}}
+
+
+def config_of(name: str) -> Any:
+    return from_dict(DEFORMING[name].config, {"name": name, "bands": 3, **CONFIGS[name]})
+
+
+def fitted(name: str, coefficients: np.ndarray) -> DeformingModel:
+    config = config_of(name)
+    arrays = DEFORMING[name].fit(config, TrainingPoses(MOVING, [coefficients.astype(np.float16)]))
+    return DeformingModel(config, arrays, MESH, {"name": "toy"})
+
+
+@pytest.fixture(scope="module", params=DEFORMING)
+def model(request: pytest.FixtureRequest) -> DeformingModel:
+    return fitted(request.param, 0.8 * BARE)
+
+
+def test_the_linear_model_is_exact_where_coefficients_are_linear() -> None:
+    new = MOVING._replace(parameters=np.random.default_rng(2).uniform(0, 1, (3, 4)))
+    model = fitted("momo-prt", LINEAR)
+    for positions, row in zip(new.frames(), new.parameters, strict=True):
+        truth = 0.2 + np.tensordot(row, 0.05 * PUSH, axes=1)
+        np.testing.assert_allclose(model(positions), truth, atol=3e-3)  # coefficients were rounded to float16
+
+
+def test_deform_has_the_closed_form_exactly_in_every_pose() -> None:
+    model = fitted("deform", 0.8 * BARE)
+    far = MOVING._replace(parameters=5 * MOVING.parameters).frame(7)
+    expected = 0.8 * np.asarray(unshadowed_transfer(model.pose(far).normals, 3))
+    np.testing.assert_allclose(model(far), expected, atol=2e-3)
+    wrong = np.abs(np.asarray(fitted("momo-prt", 0.8 * BARE)(far)) - expected).max()
+    assert wrong > 0.05  # which a linear model has not
+
+
+def test_it_is_a_function_that_jax_can_turn(model: DeformingModel) -> None:
+    pose = model.pose(MOVING.frame(3))
+    held = {name: jnp.asarray(array) for name, array in model.arrays.items()}
+    found = DEFORMING[model.config.name].predict(held, jnp.asarray(pose.vertices), jnp.asarray(pose.normals))
+    np.testing.assert_allclose(model(MOVING.frame(3)), found, atol=1e-5)
+    slope = jax.grad(lambda p: DEFORMING[model.config.name].predict(held, p, jnp.asarray(pose.normals)).sum())
+    assert np.isfinite(slope(jnp.asarray(pose.vertices))).all()
+
+
+def test_collapsed_and_distant_poses_are_finite(model: DeformingModel) -> None:
+    collapsed = MOVING.frame(1).copy()
+    collapsed[MESH.faces[:40].ravel()] = collapsed[MESH.faces[0, 0]]
+    for positions in (collapsed, np.zeros_like(collapsed), 1e6 * MOVING.frame(2)):
+        assert np.isfinite(model(positions)).all()
+    assert model.outside(1e6 * MOVING.frame(2)) and not model.outside(MOVING.frame(2))
+
+
+def test_positions_of_another_mesh_are_refused(model: DeformingModel) -> None:
+    broken = MESH.vertices.copy()
+    broken[3] = np.nan
+    for positions in (MESH.vertices[1:], broken, np.zeros((2, COUNT, 3)), np.full((COUNT, 3), "a")):
+        with pytest.raises(MeshError, match="this model is of one mesh"):
+            model(positions)
+
+
+def test_its_file_gives_it_back(model: DeformingModel, tmp_path: Path) -> None:
+    save_deforming_model(tmp_path / "model.npz", model.config, model.arrays, MESH, name="toy")
+    for again in (load_deforming_model(tmp_path), load_deforming_model(tmp_path / "model.npz")):
+        assert again.config == model.config and again.metadata["name"] == "toy"
+        np.testing.assert_allclose(again(MOVING.frame(5)), model(MOVING.frame(5)), atol=2e-3)
+    transfer = model.predict(MOVING.frame(5))
+    assert transfer.bands == 3 and transfer.metadata["parameters"]["model"]["name"] == model.config.name
+    with pytest.raises(FileError, match="gash animate"):
+        load_model(tmp_path / "model.npz")
+
+
+def test_the_numpy_runtime_says_the_same(model: DeformingModel, tmp_path: Path) -> None:
+    save_deforming_model(tmp_path / "model.npz", model.config, model.arrays, MESH)
+    again, read = load_deforming_model(tmp_path), gash_numpy.load_deforming(str(tmp_path / "model.npz"))
+    pose = again.pose(MOVING.frame(9))
+    found = gash_numpy.predict_pose(read, pose.vertices, pose.normals)
+    np.testing.assert_allclose(found, again.coefficients(pose), atol=1e-5)
+    save_model(tmp_path / "other.npz", model_config("mlp"), {"a": np.zeros(2)})
+    for path in (tmp_path / "other.npz", tmp_path / "absent.npz"):
+        with pytest.raises(ValueError, match="model"):
+            gash_numpy.load_deforming(str(path))
+
+
+def test_files_that_are_no_such_model_are_refused(model: DeformingModel, tmp_path: Path) -> None:
+    path = tmp_path / "model.npz"
+    with pytest.raises(FileError, match="no model"):
+        load_deforming_model(path)
+    save_model(path, model_config("mlp"), {"a": np.zeros(2)})
+    with pytest.raises(FileError, match="no model of an object that deforms"):
+        load_deforming_model(path)
+    short = {**model.arrays, "mean": model.arrays["mean"][:-1]}
+    save_deforming_model(path, model.config, short, MESH)
+    with pytest.raises(FileError, match="shape"):
+        load_deforming_model(path)
+    del short["mean"]
+    save_deforming_model(path, model.config, short, MESH)
+    with pytest.raises(FileError, match="no array 'mean'"):
+        load_deforming_model(path)
+
+
+def test_local_coefficients_of_a_turned_body_are_those_of_the_body() -> None:
+    turn, neighbour = random_rotation(np.random.default_rng(0)), carried_normals(MESH, MESH.faces).neighbour
+    still = np.asarray(local_frames(jnp.asarray(MESH.vertices), jnp.asarray(MESH.normals), jnp.asarray(neighbour)))
+    moved = local_frames(
+        jnp.asarray(MESH.vertices @ turn.T, jnp.float32), jnp.asarray(MESH.normals @ turn.T, jnp.float32), neighbour
+    )
+    np.testing.assert_allclose(moved, turn @ still, atol=2e-5)
+    np.testing.assert_allclose(np.linalg.det(still), 1, atol=1e-5)
+    found = local_coefficients(TrainingPoses(MOVING, [BARE.astype(np.float16)]), neighbour)
+    assert np.abs(found - found[0]).max() < 2e-3  # the closed form is the same in every pose
+
+
+def test_patches_their_relevance_and_the_kernel() -> None:
+    patch, middles = divide_surface(MESH.vertices.astype(float), 6)
+    assert set(patch) == set(range(6)) and np.bincount(patch).max() < 2 * COUNT / 6
+    ends = np.array([[0.0, 0, 0], [1, 0, 0]])
+    near = relevance(ends, ends, np.array([[1.0, 0], [0, 2]]), 1.0)
+    assert near[0, 0] > 0.9 and near[1, 1] > 1.8 and near[0, 1] < 0.1 and near[1, 0] < 0.1
+    one = np.array([[0.0, 0], [3, 4]])
+    far = np.sqrt(3) * 5 / 4
+    np.testing.assert_allclose(pose_kernel(one, one), [[1, (1 + far) * np.exp(-far)], [(1 + far) * np.exp(-far), 1]])

@@ -1,0 +1,55 @@
+"""Poses read off positions: the weights of blendshapes, principal components of other motions."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from gash_jax.geometry.animation import Animation, Recorded
+from gash_jax.models.pose_reader import fit_reader, poses_outside, read_pose, reader_arrays, reader_of, spread_vertices
+from gash_jax.shapes.deformations import blendshape_animation
+from gash_jax.shapes.primitives import bumpy_sphere
+
+MESH = bumpy_sphere(6)
+SHAPES = blendshape_animation(MESH, 0, 12, 5)
+FRAMES = np.stack(list(SHAPES.frames()))
+RECORDED = Animation(MESH, np.arange(12.0)[:, None], ("frame",), Recorded(FRAMES))
+
+
+def test_the_pose_of_blendshapes_is_their_weights() -> None:
+    reader, poses, moved = fit_reader(SHAPES)
+    np.testing.assert_allclose(poses, SHAPES.parameters, atol=1e-4)
+    for backend in (np.asarray, jnp.asarray):
+        found = read_pose(reader, backend(SHAPES.frame(3)))
+        np.testing.assert_allclose(found, SHAPES.parameters[3], atol=1e-4)
+    expected = np.linalg.norm(SHAPES.motion.deltas[:, reader.sample.astype(int)], axis=2)  # type: ignore[union-attr]
+    np.testing.assert_allclose(moved, expected, rtol=1e-5, atol=1e-12)
+
+
+def test_that_of_recorded_frames_gives_their_positions_back() -> None:
+    reader, poses, _ = fit_reader(RECORDED)
+    assert poses.shape[1] == 5  # as many as there are shapes
+    np.testing.assert_allclose(np.mean(poses**2, axis=0), 1, rtol=1e-4)
+    np.testing.assert_allclose(poses @ poses.T, (poses @ poses.T).T, atol=1e-9)
+    apart = FRAMES[:, reader.sample.astype(int)] - reader.still
+    lift = np.linalg.pinv(reader.matrix)
+    np.testing.assert_allclose((poses @ lift).reshape(apart.shape), apart, atol=1e-4)
+
+
+def test_a_pose_far_outside_is_held_and_said() -> None:
+    reader, poses, _ = fit_reader(SHAPES)
+    far = SHAPES._replace(parameters=10 * SHAPES.parameters + 1).frame(5)
+    assert poses_outside(reader, far) > 0 and not any(poses_outside(reader, frame) for frame in FRAMES)
+    held = read_pose(reader, far)
+    assert (held <= reader.high).all() and (held >= reader.low).all()
+    assert reader.high.max() < 1.2 * poses.max()
+
+
+def test_it_goes_through_the_arrays_of_a_model() -> None:
+    reader, _, _ = fit_reader(SHAPES)
+    for one, other in zip(reader, reader_of(reader_arrays(reader)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_sample_is_spread() -> None:
+    line = np.stack([np.linspace(0, 1, 101), np.zeros(101), np.zeros(101)], axis=1)
+    assert sorted(spread_vertices(line, 5).tolist()) == [0, 25, 50, 75, 100]
+    assert len(set(spread_vertices(line, 1000).tolist())) == 101
