@@ -139,6 +139,7 @@ def test_a_transfer_that_is_dropped_is_one_more_result(opened: Opened, folder: P
         ("studio.hdr", lambda data: data[:1000], "its pixels"),
         ("studio.hdr", lambda data: data.replace(b"-Y 32", b"-Y 33"), "twice as wide as high"),
         ("studio.hdr", lambda data: b"P6 nothing", "no Radiance picture"),
+        ("studio.hdr", lambda data: data.replace(b"FORMAT", b"PRIMARIES=0.7 0.3\nFORMAT", 1), "PRIMARIES of its own"),
         ("few.npz", lambda data: data[: len(data) // 2], "only a part of one"),
         ("few.npz", lambda data: data.replace(b"(812, 9)", b"(812, 8)"), "does not fit"),
         ("few.npz", lambda data: data.replace(b"faces.npy", b"races.npy"), "it is no light"),

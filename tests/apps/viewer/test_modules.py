@@ -79,7 +79,7 @@ def test_a_map_becomes_the_light_of_the_library(bands: int, tmp_path: Path) -> N
 def test_old_run_lengths_are_read_as_in_the_library(tmp_path: Path) -> None:
     # 4 x 2 pixels: flat, and one that is repeated three times
     lines = bytes([9, 8, 7, 128, 3, 2, 2, 129, 5, 5, 5, 130, 1, 2, 3, 127]) + bytes([40, 30, 20, 128, 1, 1, 1, 3])
-    (tmp_path / "old.hdr").write_bytes(b"#?RADIANCE\nEXPOSURE=2\n\n-Y 2 +X 4\n" + lines)
+    (tmp_path / "old.hdr").write_bytes(b"#?RADIANCE\nEXPOSURE=2\nPRIMARIES=0 0 0 0 0 0 0 0\n\n-Y 2 +X 4\n" + lines)
     picture = node("hdr.js", "m.readHdr(Uint8Array.from(a[0]))", list((tmp_path / "old.hdr").read_bytes()))
     wanted = open_hdr(tmp_path / "old.hdr").radiance
     np.testing.assert_allclose(np.reshape(picture["pixels"], (2, 4, 3)), wanted, rtol=1e-6)
