@@ -73,7 +73,11 @@ def make_server(models: Mapping[str, Model], limits: Limits, origins: tuple[str,
 
 def run_until_stopped(server: uvicorn.Server, listening: socket.socket, ready: Callable[[], None]) -> None:
     """Serve until SIGTERM or Ctrl-C; `ready` is called when the first request can come."""
+
+    def stop(*_: object) -> None:  # before uvicorn listens to signals, and when it raises them again at its end
+        server.should_exit = True
+
     for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda *_: None)  # uvicorn raises its signal again when it has stopped
+        signal.signal(name, stop)
     ready()
     asyncio.run(server.serve([listening]))
