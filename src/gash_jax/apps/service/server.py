@@ -5,6 +5,7 @@ second Ctrl-C ends it at once.
 """
 
 import asyncio
+import math
 import signal
 import socket
 from collections.abc import Callable, Mapping
@@ -66,7 +67,7 @@ def make_server(models: Mapping[str, Model], limits: Limits, origins: tuple[str,
         ws="none",
         limit_concurrency=CONNECTIONS * limits.requests,
         timeout_keep_alive=IDLE_SECONDS,
-        timeout_graceful_shutdown=round(limits.seconds),
+        timeout_graceful_shutdown=math.ceil(limits.seconds),
     )
     return uvicorn.Server(config)
 
