@@ -100,3 +100,11 @@ def test_nothing_is_computed_twice(monkeypatch: pytest.MonkeyPatch, build, expec
         monkeypatch.setattr(normalised, name, counted(name))
     build(bumpy_sphere(4))
     assert calls == expected
+
+
+def test_faces_of_one_centroid_have_no_radius() -> None:
+    """One face, or the same one many times: the centroid is a sum of rounded terms, and its distance must not count."""
+    corners = np.random.default_rng(0).normal(size=(20, 3, 3)).astype(np.float32)
+    for count in (1, 1000):
+        face = np.tile(np.array([[0, 1, 2]], np.int32), (count, 1))
+        assert [NormalisedMesh(Mesh(triangle, 0 * triangle, face)).radius for triangle in corners] == [0] * 20

@@ -12,7 +12,6 @@ import numpy as np
 
 from gash_jax.apps.service.limits import Limits
 from gash_jax.apps.service.server import listen, make_server
-from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.model import Model
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -61,9 +60,3 @@ def ask(port: int, method: str, path: str, body: bytes | None = None, **headers:
         return Answer(answer.status, answer.headers, answer.read())
     finally:
         connection.close()
-
-
-def mesh_request(mesh: Mesh) -> tuple[str, bytes]:
-    """Path and body that send a mesh with its normals."""
-    path = f"/meshes?vertices={len(mesh.vertices)}&faces={len(mesh.faces)}"
-    return path, b"".join(array.tobytes() for array in mesh)

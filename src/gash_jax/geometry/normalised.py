@@ -14,6 +14,8 @@ from jaxtyping import Bool, Float
 
 from gash_jax.geometry.mesh import Mesh, lengths, referenced, vector_areas
 
+ROUNDING = 1e-9  # of half the diagonal: a smaller radius is what float64 left of 0
+
 
 class NormalisedMesh:
     """A mesh and what follows from it alone. The arrays of `mesh` must not change while this is in use."""
@@ -59,12 +61,13 @@ class NormalisedMesh:
 
     @cached_property
     def radius(self) -> float:
-        """Radius of the surface (module docstring); 0 without area."""
+        """Radius of the surface (module docstring); 0 without area, and where all faces have one centroid."""
         points, total = self.mesh.vertices.astype(np.float64), max(self.areas.sum(), np.finfo(float).tiny)
         first, second, third = (np.take(points, self.mesh.faces[:, i], axis=0) for i in range(3))
         middles = (first + second + third) / 3
         middles -= self.areas @ middles / total
-        return float(np.sqrt(self.areas @ np.einsum("fi,fi->f", middles, middles) / total))
+        radius = float(np.sqrt(self.areas @ np.einsum("fi,fi->f", middles, middles) / total))
+        return radius if radius > ROUNDING * self.half_diagonal else 0.0
 
     def positions(self, unit: float) -> Float[np.ndarray, "v 3"]:
         """(vertex - center) / unit; a loose vertex is moved to the nearest point of the bounding box."""

@@ -10,12 +10,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from benchmarks.service import mesh_request
 from gash_jax.apps.service import wire
 from gash_jax.apps.service.limits import Limits
 from gash_jax.models.held import HeldMesh
 from gash_jax.models.model import Model
 from gash_jax.shapes.primitives import bumpy_sphere
-from tests.helpers.service import ask, mesh_request, served, tiny_model
+from tests.helpers.service import ask, served, tiny_model
 
 MESH = bumpy_sphere(6)
 BENT = (MESH.vertices * (1 + 0.3 * MESH.vertices[:, :1])).astype(np.float32)

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.service import mesh_request
 from gash_jax.apps.cli import gash
 from gash_jax.models.model import save_model
 from gash_jax.shapes.primitives import bumpy_sphere
-from tests.helpers.service import Answer, ask, mesh_request, tiny_model
+from tests.helpers.service import Answer, ask, tiny_model
 
 ROOT = Path(__file__).parents[3]
 

@@ -56,6 +56,19 @@ def test_a_body_passes_the_checks_of_every_mesh(said: str) -> None:
         wire.mesh_of_body(BODIES[said], V, F)
 
 
+def test_a_soup_of_long_faces_is_refused() -> None:
+    """Random corners: every face is as long as the mesh. A fine surface of more faces passes."""
+    random, count = np.random.default_rng(0), wire.CROWDED + 1
+    points, faces = random.normal(size=(900, 3)).astype("<f4"), random.integers(0, 900, (count, 3)).astype("<i4")
+    for normals in (b"", points.tobytes()):
+        with pytest.raises(MeshError, match="too long for their number"):
+            wire.mesh_of_body(points.tobytes() + normals + faces.tobytes(), 900, count)
+    fine = bumpy_sphere(40)
+    assert len(fine.faces) > wire.CROWDED
+    body = b"".join(array.tobytes() for array in fine)
+    assert len(wire.mesh_of_body(body, len(fine.vertices), len(fine.faces)).faces) == len(fine.faces)
+
+
 @pytest.mark.parametrize("text", ["", "0", "-1", "1.5", "1e3", "٣", "9" * 10, " 5", "+5", "0x10"])
 def test_what_is_no_count_is_refused(text: str) -> None:
     with pytest.raises(Refusal, match="say how many vertices") as caught:

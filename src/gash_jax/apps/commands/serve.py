@@ -13,14 +13,19 @@ DEFAULT = Limits()
 
 
 def _limit(name: str, default: int, help: str):
-    return click.option(name, type=click.IntRange(1, 1 << 30), default=default, show_default=True, help=help)
+    return click.option(name, type=click.IntRange(1), default=default, show_default=True, help=help)
 
 
 @click.command(cls=Command, epilog="gash serve --port 8017")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at; 0.0.0.0 is open to all.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8017, show_default=True, help="0 for a free one.")
 @click.option(
-    "--model", "names", multiple=True, default=("local",), show_default=True, help="As in predict; repeatable."
+    "--model",
+    "names",
+    multiple=True,
+    default=("local",),
+    show_default=True,
+    help="`local`, or weights or a run of its kind; repeatable.",
 )
 @click.option("--origin", "origins", multiple=True, help="A web page's origin that may call; repeatable.")
 @_limit("--max-vertices", DEFAULT.vertices, "Vertices of a mesh.")

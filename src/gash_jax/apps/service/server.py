@@ -5,6 +5,7 @@ second Ctrl-C ends it at once.
 """
 
 import asyncio
+import math
 import signal
 import socket
 from collections.abc import Callable, Mapping
@@ -66,14 +67,18 @@ def make_server(models: Mapping[str, Model], limits: Limits, origins: tuple[str,
         ws="none",
         limit_concurrency=CONNECTIONS * limits.requests,
         timeout_keep_alive=IDLE_SECONDS,
-        timeout_graceful_shutdown=round(limits.seconds),
+        timeout_graceful_shutdown=math.ceil(limits.seconds),
     )
     return uvicorn.Server(config)
 
 
 def run_until_stopped(server: uvicorn.Server, listening: socket.socket, ready: Callable[[], None]) -> None:
     """Serve until SIGTERM or Ctrl-C; `ready` is called when the first request can come."""
+
+    def stop(*_: object) -> None:  # before uvicorn listens to signals, and when it raises them again at its end
+        server.should_exit = True
+
     for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda *_: None)  # uvicorn raises its signal again when it has stopped
+        signal.signal(name, stop)
     ready()
     asyncio.run(server.serve([listening]))

@@ -8,6 +8,10 @@ a byte of the body is read. So the limits of vertices and faces are that of the 
 
 Normals that are sent are made unit and taken as they are, 0 where a vertex has none; without them they are computed
 from the faces, as for a file without normals.
+
+A soup of faces that are as long as the mesh is refused: every block of vertices would look at all of them, which takes
+minutes and gigabytes. On a surface the squared lengths of the faces add up to some tens of its squared radius, however
+fine it is; more than CROWDED / 9 of it, with more than CROWDED faces, is such a soup.
 """
 
 from collections.abc import Collection, Mapping
@@ -19,9 +23,11 @@ from gash_jax.files.settings import near_names
 from gash_jax.formats.meshes import read_mesh
 from gash_jax.geometry.checks import checked_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError, normalized
+from gash_jax.geometry.normalised import NormalisedMesh
 
 ROW = 12  # bytes of three numbers
 MOST_DIGITS = 9
+CROWDED = 25_000  # faces that a block of vertices may have around it, three of their lengths or less away
 
 
 def check_names(query: Mapping[str, str], known: Collection[str]) -> None:
@@ -73,10 +79,20 @@ def mesh_of_body(body: bytes | bytearray, vertices: int, faces: int) -> Mesh:
     split = len(body) - ROW * faces
     floats, corners = read_positions(body[:split]), np.frombuffer(body, "<i4", offset=split).reshape(-1, 3)
     if len(floats) == vertices:
-        return read_mesh((floats, corners))[0]
+        return _not_crowded(read_mesh((floats, corners))[0])
     positions, normals = floats[:vertices].copy(), floats[vertices:]  # what is held must not hold the body
     bad = ~np.isfinite(normals).all(axis=1)
     if bad.any():
         first = int(np.argmax(bad))
         raise MeshError(f"{bad.sum()} of {vertices} normals are not finite (first: {first}): 0 stands for none")
-    return checked_mesh(Mesh(positions, normalized(normals), corners))
+    return _not_crowded(checked_mesh(Mesh(positions, normalized(normals), corners)))
+
+
+def _not_crowded(mesh: Mesh) -> Mesh:
+    """The mesh; raises MeshError where it is a soup (module docstring)."""
+    if len(mesh.faces) > CROWDED:
+        corners, shape = mesh.vertices.astype(np.float64)[mesh.faces], NormalisedMesh(mesh)
+        longest = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
+        if 9 * longest.sum() > CROWDED * (shape.radius or shape.half_diagonal) ** 2:
+            raise MeshError("the faces are too long for their number: they make no surface; check the indices")
+    return mesh
