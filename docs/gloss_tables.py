@@ -51,6 +51,22 @@ def bands_table(result: dict[str, Any]) -> str:
     return f"{table(header, rows)}\n\n{note}"
 
 
+def brute_force_table(result: dict[str, Any]) -> str:
+    """The same cut against every ray on every triangle, and how far Embree's rays are from those."""
+    bands = [key for key in result["rows"][0] if key.isdigit()]
+    rows = []
+    for row in result["rows"]:
+        cells = [f"{row[count]:.3f}" for count in bands]
+        rows.append([row["lobe"], str(row["angle"]), *cells, f"{row['dense_error']:.3f}", f"{row['apart']:.2g}"])
+    note = (
+        f"relrmse on {result['vertices']} vertices of a body of {result['faces']} faces, {result['rays']} rays each; "
+        f"*Embree*: how far the radiance by its rays is from that by brute force, where {result['rays_apart']:.2g} of "
+        f"the rays are answered differently. {origin(result)}, seed {result['seed']}."
+    )
+    header = ["lobe", "view angle", *(f"{count} bands" for count in bands), "rays", "Embree"]
+    return f"{table(header, rows)}\n\n{note}"
+
+
 def ggx_table(result: dict[str, Any]) -> str:
     """The fitted lobe of GGX against the microfacets."""
     rows = [[f"{row['roughness']:g}", *(f"{row[str(angle)]:.2f}" for angle in ANGLES)] for row in result["ggx"]]

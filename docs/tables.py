@@ -121,6 +121,7 @@ TABLES = (
     Table("docs/transport.md", "BOUNCE SPEED", bounce_tables.bounce_speed_table, "bounce_speed.json"),
     Table("docs/transport.md", "GLOSS INTEGRAL", gloss_tables.integral_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS BANDS", gloss_tables.bands_table, "gloss.json"),
+    Table("docs/transport.md", "GLOSS BRUTE FORCE", gloss_tables.brute_force_table, "gloss_brute_force.json"),
     Table("docs/transport.md", "GLOSS GGX", gloss_tables.ggx_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS EIGENVALUES", gloss_tables.eigenvalue_table, "gloss.json"),
     Table("docs/transport.md", "GLOSS COMPONENTS", gloss_tables.components_table, "gloss.json"),

@@ -156,7 +156,7 @@ def _estimate(
 def _averages(job: Job, estimate: Estimate) -> dict[str, np.ndarray | None]:
     """Coefficients and their standard errors, 0 where there is no normal; of one replicate no errors."""
     replicas = estimate.replicas[job.part]
-    coefficients = np.zeros((job.count, *replicas.shape[2:]), np.float32)
+    coefficients = np.zeros((job.size, *replicas.shape[2:]), np.float32)
     coefficients[job.own] = mean = replicas.mean(1)
     if job.replicates == 1:
         return {"coefficients": coefficients, "standard_error": None}
@@ -170,7 +170,7 @@ def _gloss(
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Visibility, or matrices of light that bounced as well, in float16 by name, and what metadata says of it."""
     name, shape = ("matrices", (bands**2,) * 2) if bounced else ("visibility", ((2 * bands - 1) ** 2,))
-    held, own = {name: np.zeros((job.count, *shape), np.float16)}, job.own
+    held, own = {name: np.zeros((job.size, *shape), np.float16)}, job.own
     if job.replicates > 1 and not bounced:
         held["visibility_error"] = np.zeros_like(held[name])
     if not len(own):

@@ -33,7 +33,7 @@ class Job(NamedTuple):
         return self.rows.shifts.shape[1]
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """How many vertices or points get coefficients."""
         return self.wanted.stop - self.wanted.start
 

@@ -53,13 +53,11 @@ def rotate_transfer(transfer: TransferLike, rotation: ArrayLike | Array) -> Tran
         return turned
     return transfer._replace(
         coefficients=turned,
-        standard_error=_turned_error(transfer.standard_error, turn),
-        predicted_error=_turned_error(transfer.predicted_error, turn),
-        visibility=None if transfer.visibility is None else _as_kept(_along_bands, transfer.visibility, turn),
-        visibility_error=None
-        if transfer.visibility_error is None
-        else _as_kept(_turned_error, transfer.visibility_error, turn),
-        matrices=None if transfer.matrices is None else _as_kept(_turned_matrices, transfer.matrices, turn),
+        standard_error=_as_kept(_turned_error, transfer.standard_error, turn),
+        predicted_error=_as_kept(_turned_error, transfer.predicted_error, turn),
+        visibility=_as_kept(_along_bands, transfer.visibility, turn),
+        visibility_error=_as_kept(_turned_error, transfer.visibility_error, turn),
+        matrices=_as_kept(_turned_matrices, transfer.matrices, turn),
         vertices=_turned_points(transfer.vertices, turn),
         normals=_turned_points(transfer.normals, turn),
         metadata=with_rotation(transfer.metadata, matrix),
@@ -78,16 +76,16 @@ def _turned_matrices(matrices: Float[Array | np.ndarray, "v k k"], turn: Array) 
     return _along_bands(columns, turn)
 
 
-def _as_kept(function: Callable[[Any, Array], Array], values: Any, turn: Array) -> Array:
-    """Turned in float32; what was kept in float16 is so again."""
+def _as_kept(function: Callable[[Any, Array], Array], values: Any, turn: Array) -> Array | None:
+    """Turned in float32, if there are any; what was kept in float16 is so again."""
+    if values is None:
+        return None
     turned = function(values, turn)
     return turned.astype(jnp.float16) if values.dtype == jnp.float16 else turned
 
 
-def _turned_error(error: Float[Array | np.ndarray, "v k *c"] | None, turn: Array) -> Float[Array, "v k *c"] | None:
+def _turned_error(error: Float[Array | np.ndarray, "v k *c"], turn: Array) -> Float[Array, "v k *c"]:
     """Square root of D_ij^2 times the squared errors."""
-    if error is None:
-        return None
     variance = jnp.moveaxis(jnp.asarray(error, jnp.float32) ** 2, 1, -1)
     parts = []
     for band, block in enumerate(sh_rotation_blocks(turn, bands_of(variance.shape[-1], PRODUCT_BANDS))):
