@@ -98,7 +98,7 @@ def test_a_scene_keeps_what_it_has(kind: str, tmp_path: Path) -> None:
     before = scene().glb()
     (tmp_path / "scene.glb").write_bytes(before)
     glb, places = open_glb(tmp_path / "scene.glb")
-    assert [(place.node, place.primitive, place.count) for place in places] == [
+    assert [(place.node, place.primitive, place.size) for place in places] == [
         *((0, 0, COUNT), (0, 2, COUNT)),
         *((1, 0, COUNT), (1, 2, COUNT)),
     ]

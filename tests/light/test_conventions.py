@@ -19,7 +19,8 @@ DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 
 
 def ours(directions: np.ndarray, bands: int) -> np.ndarray:
-    return np.stack(sh_components(*directions.T, bands), axis=1)
+    x, y, z = directions.T
+    return np.stack(sh_components(x, y, z, bands), axis=1)
 
 
 def bands_of(name: str) -> int:

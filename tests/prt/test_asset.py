@@ -8,7 +8,7 @@ import pytest
 from gash_jax.formats.animations import load_animation
 from gash_jax.formats.gltf import read_gltf
 from gash_jax.formats.gltf_document import open_document
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, RawMesh
 from gash_jax.prt.asset import weld_map, write_asset
 from gash_jax.prt.transfer import Transfer
 from gash_jax.shapes.primitives import icosphere
@@ -23,6 +23,11 @@ RNG = np.random.default_rng(7)
 
 def transfer(mesh: Mesh, bands: int = 4) -> Transfer:
     return Transfer(RNG.normal(size=(len(mesh.vertices), bands**2)).astype(np.float32), None, *mesh, {})
+
+
+def mesh_of(raw: RawMesh) -> Mesh:
+    assert raw.normals is not None
+    return Mesh(raw.vertices.astype(np.float32), raw.normals.astype(np.float32), raw.faces.astype(np.int32))
 
 
 def coefficients(path: Path, count: int) -> np.ndarray:
@@ -55,9 +60,7 @@ def test_a_transfer_makes_its_own_file(bands: int, tmp_path: Path) -> None:
 def test_a_scene_that_was_baked_gets_each_vertex_its_own(tmp_path: Path) -> None:
     """Two primitives of a mesh that two nodes show: four blocks of vertices, each in its own place."""
     (tmp_path / "scene.glb").write_bytes(scene().glb())
-    raw = read_gltf((tmp_path / "scene.glb").read_bytes(), tmp_path)
-    assert raw.normals is not None
-    given = transfer(Mesh(*(a.astype(np.float32) for a in (raw.vertices, raw.normals)), raw.faces.astype(np.int32)))
+    given = transfer(mesh_of(read_gltf((tmp_path / "scene.glb").read_bytes(), tmp_path)))
     write_asset(tmp_path / "out.glb", given, tmp_path / "scene.glb", "sh", "float", None)
     np.testing.assert_array_equal(coefficients(tmp_path / "out.glb", 16), given.coefficients)
     assert validator_errors(tmp_path / "out.glb") == []
@@ -78,7 +81,7 @@ def test_split_vertices_get_the_row_of_their_file_vertex(tmp_path: Path) -> None
 
 def test_seams_get_equal_coefficients(tmp_path: Path) -> None:
     """The ball twice over in one file, with noise between the copies: their mean at both."""
-    twice = Mesh(*(np.concatenate([a, a]) for a in (BALL.vertices, BALL.normals)), BALL.faces)
+    twice = Mesh(np.concatenate(2 * [BALL.vertices]), np.concatenate(2 * [BALL.normals]), BALL.faces)
     given = transfer(twice, 3)
     write_asset(tmp_path / "out.glb", given, None, "sh", "float", tmp_path / "map.npz")
     found = coefficients(tmp_path / "out.glb", 9)
@@ -96,7 +99,10 @@ def test_the_map_by_hand() -> None:
     ("mesh", "message"),
     [
         (icosphere(2), r"the transfer has 162 vertices and .*split\.glb 240: bake .* or give --weld map\.npz"),
-        (Mesh(*(np.zeros((240, 3), np.float32),) * 2, BALL.faces), "are not where those of the transfer are"),
+        (
+            Mesh(np.zeros((240, 3), np.float32), np.zeros((240, 3), np.float32), BALL.faces),
+            "are not where those of the transfer are",
+        ),
     ],
 )
 def test_another_mesh_is_refused_and_nothing_written(mesh: Mesh, message: str, tmp_path: Path) -> None:
@@ -109,9 +115,8 @@ def test_another_mesh_is_refused_and_nothing_written(mesh: Mesh, message: str, t
 @pytest.mark.parametrize("store", ["short", "byte"])
 def test_skins_and_clips_are_kept(store: str, tmp_path: Path) -> None:
     source = shared_file("animated/CesiumMan.glb")
-    before, raw = open_document(source.read_bytes(), source.parent).json, read_gltf(source.read_bytes(), source.parent)
-    assert raw.normals is not None
-    given = transfer(Mesh(*(a.astype(np.float32) for a in (raw.vertices, raw.normals)), raw.faces.astype(np.int32)))
+    before = open_document(source.read_bytes(), source.parent).json
+    given = transfer(mesh_of(read_gltf(source.read_bytes(), source.parent)))
     asset = write_asset(tmp_path / "man.glb", given, source, "sh", store, None)
     after = open_document((tmp_path / "man.glb").read_bytes(), tmp_path).json
     for name in ("skins", "animations", "materials", "textures", "images", "samplers", "nodes", "scenes"):

@@ -36,7 +36,7 @@ class Place(NamedTuple):
 
     node: int
     primitive: int
-    count: int
+    size: int
 
 
 class Glb:
@@ -88,7 +88,7 @@ def mesh_glb(mesh: Mesh) -> tuple[Glb, list[Place]]:
     if not len(mesh.faces):
         raise MeshError("the transfer has no faces, so it makes no .glb: write .npz, .json or .txt instead")
     glb = Glb({"asset": {"version": "2.0", "generator": f"gash_jax {version('gash-jax')}"}})
-    normals = np.where(np.any(mesh.normals, axis=1)[:, None], mesh.normals, np.float32([0, 1, 0]))
+    normals = np.where(np.any(mesh.normals, axis=1)[:, None], mesh.normals, np.array([0, 1, 0], np.float32))
     attributes = {
         "POSITION": glb.add(mesh.vertices.astype("<f4"), bounds=True),
         "NORMAL": glb.add(normals.astype("<f4")),
@@ -153,10 +153,10 @@ def attach(glb: Glb, places: list[Place], attributes: list[Attribute], extras: d
             owners[node["mesh"]] = place.node
         mesh = document["meshes"][node["mesh"]]
         mesh["extras"] = {**(mesh["extras"] if isinstance(mesh.get("extras"), dict) else {}), **extras}
-        rows = slice(start, start + place.count)
+        rows = slice(start, start + place.size)
         for attribute in attributes:
             mesh["primitives"][place.primitive]["attributes"][attribute.name] = glb.add(attribute.values[rows])
-        start += place.count
+        start += place.size
 
 
 def texture_sets(glb: Glb, places: list[Place]) -> int:
@@ -168,5 +168,5 @@ def texture_sets(glb: Glb, places: list[Place]) -> int:
     for attributes, place in zip(found, places, strict=True):
         for name in (f"TEXCOORD_{number}" for number in range(most)):
             if name not in attributes:
-                attributes[name] = glb.add(np.zeros((place.count, 2), "<f4"))
+                attributes[name] = glb.add(np.zeros((place.size, 2), "<f4"))
     return most

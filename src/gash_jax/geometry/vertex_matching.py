@@ -7,7 +7,7 @@ diagonal of the bounding box.
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gash_jax.geometry.mesh import MeshError, connected_labels, lengths
 
@@ -25,20 +25,20 @@ def vertices_of(
     Raises MeshError where there is none.
     """
     unit = _unit(file[0])
-    _, found = cKDTree(_features(*file, unit, _NORMAL)).query(_features(*engine, unit, _NORMAL))
+    _, found = KDTree(_features(*file, unit, _NORMAL)).query(_features(*engine, unit, _NORMAL))
     away = lengths(engine[0].astype(np.float64) - file[0][found].astype(np.float64)) > unit
     if away.any():
         raise MeshError(
             f"{away.sum()} of {len(away)} vertices of the .glb (first: {np.argmax(away)}) are nowhere in the transfer: "
             "bake the same shape, in the same place and scale, with the same axis up"
         )
-    return found.astype(np.int32)
+    return np.asarray(found, np.int32)
 
 
 def same_vertices(places: Float[np.ndarray, "v 3"], normals: Float[np.ndarray, "v 3"]) -> Int[np.ndarray, "v"]:
     """A label for each vertex, equal for vertices at one place with one normal (within 1e-2)."""
     features = _features(places, normals, _unit(places), 1.0 / _SAME_NORMAL)
-    pairs = cKDTree(features).query_pairs(1.0, output_type="ndarray")
+    pairs = KDTree(features).query_pairs(1.0, output_type="ndarray")
     return connected_labels(pairs[:, 0], pairs[:, 1], len(places))
 
 
@@ -51,7 +51,7 @@ def mean_over(labels: Int[np.ndarray, "v"], values: Float[np.ndarray, "v n"]) ->
 
 def _unit(places: Float[np.ndarray, "v 3"]) -> float:
     span = np.ptp(places.astype(np.float64), axis=0)
-    return TOLERANCE * max(float(np.linalg.norm(span)), np.finfo(np.float32).tiny)
+    return TOLERANCE * max(float(np.linalg.norm(span)), float(np.finfo(np.float32).tiny))
 
 
 def _features(places: np.ndarray, normals: np.ndarray, unit: float, weight: float) -> Float[np.ndarray, "v 6"]:

@@ -113,9 +113,14 @@ def basis_change(axes: tuple[str, str, str], bands: int) -> Float[np.ndarray, "k
     """
     above = fibonacci_hemisphere(2 * bands * bands + 8)
     directions = np.concatenate([above, -above[::2]])
-    ours, theirs = (np.stack(sh_components(*d.T, bands), axis=1) for d in (directions, directions @ axis_map(axes).T))
+    ours, theirs = (_basis(d, bands) for d in (directions, directions @ axis_map(axes).T))
     solution = np.linalg.lstsq(ours, theirs, rcond=None)[0].T
     return np.where(np.abs(solution) > 1e-12, solution, 0.0)
+
+
+def _basis(directions: Float[np.ndarray, "n 3"], bands: int) -> Float[np.ndarray, "n k"]:
+    x, y, z = directions.T
+    return np.stack(sh_components(x, y, z, bands), axis=1)
 
 
 def turn_map(image: Float[np.ndarray, "h w 3"], convention: Convention) -> Float[np.ndarray, "h w 3"]:
