@@ -24,6 +24,7 @@ GENERATED = (
     "docs/api.md",
     "docs/baking.md",
     "docs/hard_cases.md",
+    "docs/light.md",
     "docs/model_cards.md",
     "docs/transport.md",
 )
