@@ -169,4 +169,5 @@ def _neighbours() -> Int[np.ndarray, "n 8"]:
     from scipy.spatial import KDTree  # not needed until a window is searched for
 
     directions = spherical_fibonacci(_DIRECTIONS)
-    return KDTree(directions).query(directions, 9)[1][:, 1:]
+    _, found = KDTree(directions).query(directions, 9)
+    return np.asarray(found)[:, 1:]

@@ -14,6 +14,7 @@ from gash_jax.light.environment import load_light, rotate_light, save_light
 from gash_jax.light.windows import DIP, least_share
 
 EVEN = 0.05  # share of the mean up to which a light comes from everywhere alike
+FLOOR = -10.0  # degrees of elevation below which one asks whether the map is upside down
 
 
 @click.command(cls=Command, epilog="gash light sun-sky:elevation=30,turbidity=2.5 -o sunny.npz")
@@ -59,14 +60,16 @@ def _found(coefficients: np.ndarray) -> list[str]:
     length = float(np.linalg.norm(toward))
     if length > EVEN * coefficients[0].sum():
         x, y, z = toward / length
-        azimuth, elevation = np.degrees([np.arctan2(x, z), np.arcsin(y)])
-        below = ": flip the rows of the map if it is upside down" if elevation < 0 else ""
+        azimuth, elevation = np.degrees([np.arctan2(x, z), np.arcsin(np.clip(y, -1.0, 1.0))])
+        below = ": flip the rows of the map if it is upside down" if elevation < FLOOR else ""
         lines.append(
             f"most light comes from ({x:z.2f}, {y:z.2f}, {z:z.2f}), azimuth {azimuth:z.0f} degrees from +z towards +x, "
             f"{abs(elevation):.0f} degrees {'below' if elevation < 0 else 'above'} the horizon{below}"
         )
     least = least_share(coefficients)
-    if least < -DIP:
+    if least == -np.inf:
+        lines.append("its mean is negative in a colour: project the map again")
+    elif least < -DIP:
         lines.append(
             f"its {round(len(coefficients) ** 0.5)} bands ring, down to {least:.2f} times the mean in a direction: "
             "gash render --window radiance damps that"
