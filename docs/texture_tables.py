@@ -13,8 +13,9 @@ def texture_table(result: dict[str, Any]) -> str:
         texture = row["way"] == "texture"
         what = f"texture, {row['detail']}²" if texture else "vertices" if not row["detail"] else "subdivided"
         cells = [row["mesh"], what, str(row["samples"]), f"{row['bytes'] / 1000:.0f}", f"{row['radiance']:.4f}"]
-        before = [f"{row['radiance_before']:.4f}", f"{row['seam_jump_before']:.4f}, {row['seam_jump']:.4f}"]
-        rows.append([*cells, *(before if texture else ["", ""])])
+        if texture:
+            cells += [f"{row['radiance_before']:.4f}", f"{row['seam_jump_before']:.4f}, {row['seam_jump']:.4f}"]
+        rows.append(cells if texture else [*cells, "", ""])
     header = ["mesh", "transfer at", "vertices or texels baked", "kB", "radiance, relrmse", "before seams are equal"]
     arguments = result["arguments"]
     told = f"{arguments['rays']} rays, reference {arguments['points']} points of {arguments['reference_rays']} rays"

@@ -45,7 +45,7 @@ def panels_of(name: str, mesh: Mesh, quick: bool) -> list[Panel]:
     texture = bake_texture(mesh, BANDS, rays, size=SIZE, uv="atlas")
     size = mesh_bytes(mesh) + texture.texture.nbytes + texture.uv.nbytes
     views.append(look_up_view(cast_view(mesh, camera, pixels), texture.uv, shade_texture(texture, light)))
-    captions.append(f"{len(mesh.vertices)} vertices, {SIZE}² texels, {size / 1000:.0f} kB")
+    captions.append(f"{len(mesh.vertices)} vertices, {SIZE} x {SIZE} texels, {size / 1000:.0f} kB")
     exposure = exposure_for(views[-1:])
     return [Panel(text, to_srgb(*view, exposure)) for text, view in zip(captions, views, strict=True)]
 
