@@ -23,6 +23,7 @@ GENERATED = (
     "docs/animation.md",
     "docs/api.md",
     "docs/baking.md",
+    "docs/deforming.md",
     "docs/hard_cases.md",
     "docs/model_cards.md",
     "docs/transport.md",

@@ -70,7 +70,7 @@ def divide_surface(
         size = np.bincount(patch, minlength=len(middles))
         sums = np.stack([np.bincount(patch, axis, len(middles)) for axis in points.T], axis=1)
         middles = np.where(size[:, None] > 0, sums / np.maximum(size, 1)[:, None], middles)
-    return KDTree(middles).query(points)[1], middles
+    return np.asarray(KDTree(middles).query(points)[1]), middles
 
 
 def relevance(
@@ -133,7 +133,7 @@ def fit_deform(config: DeformConfig, poses: TrainingPoses) -> dict[str, Any]:
         if len(own):
             seen = near[number] * rows
             outputs = local[:, own].astype(np.float32).reshape(len(rows), -1)
-            found = fit_low_rank(pose_kernel(seen, seen), outputs, rank, config.ridge)
+            found = fit_low_rank(np.asarray(pose_kernel(seen, seen)), outputs, rank, config.ridge)
             mean[own], weights[number] = found.mean.reshape(-1, size), found.dual
             basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
     arrays = {"patch": patch, "neighbour": neighbour, "relevance": near, "poses": rows}
