@@ -4,6 +4,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gash_jax.apps.cli import gash
@@ -31,6 +32,8 @@ def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyP
     save_mesh("bunny.ply", bumpy_sphere(10))
     for name in ("room.ply", "hero.ply"):
         save_mesh(name, bumpy_sphere(3))
+    frames = np.stack([bumpy_sphere(3).vertices * size for size in (1, 1.5)])
+    np.savez("dance.npz", verts=frames.astype(np.float32), faces=bumpy_sphere(3).faces)
     write_hdr("studio.hdr", studio_light(32))
     Path("sweep.toml").write_text(SWEEP)
     commands = re.findall(r"^gash ([a-z]+ .+)$", README, re.MULTILINE)

@@ -22,7 +22,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import KDTree
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
 from gash_jax.algebra.numerics import safe_normalize
@@ -64,6 +63,8 @@ def divide_surface(
     points: Float[np.ndarray, "v 3"], count: int, rounds: int = 8
 ) -> tuple[Int[np.ndarray, "v"], Float[np.ndarray, "q 3"]]:
     """The patch of every vertex, and the middles of the patches: k-means from vertices far apart."""
+    from scipy.spatial import KDTree  # slow to import, and a prediction does without
+
     middles = points[spread_vertices(points, count)]
     for _ in range(rounds):
         patch = KDTree(middles).query(points)[1]
