@@ -4,6 +4,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gash_jax.apps.cli import gash, load_command
@@ -33,6 +34,8 @@ def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for name in ("room.ply", "hero.ply"):
         save_mesh(name, bumpy_sphere(3))
     Path("chair.obj").write_text(SQUARE_OBJ)
+    frames = np.stack([bumpy_sphere(3).vertices * size for size in (1, 1.5)])
+    np.savez("dance.npz", verts=frames.astype(np.float32), faces=bumpy_sphere(3).faces)
     write_hdr("studio.hdr", studio_light(32))
     Path("sweep.toml").write_text(SWEEP)
     commands = re.findall(r"^gash ([a-z]+ .+)$", README, re.MULTILINE)

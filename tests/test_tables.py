@@ -24,6 +24,7 @@ GENERATED = (
     "docs/api.md",
     "docs/baking.md",
     "docs/choices.md",
+    "docs/deforming.md",
     "docs/hard_cases.md",
     "docs/light.md",
     "docs/model_cards.md",

@@ -37,8 +37,8 @@ def strip(model: DeformingModel, test: Truth) -> Image.Image:
     exposure = exposure_for([pair[0] for pair in drawn])
     rows = [[], [], []]
     for number, (baked, said) in enumerate(drawn):
-        rows[0].append(Panel(f"frame {number}, baked", to_srgb(*baked, exposure)))
-        rows[1].append(Panel(f"frame {number}, {model.config.name}", to_srgb(*said, exposure)))
+        rows[0].append(Panel(f"frame {number}, baked", to_srgb(baked[0], baked[1], exposure)))
+        rows[1].append(Panel(f"frame {number}, {model.config.name}", to_srgb(said[0], said[1], exposure)))
         apart = exposure * (said[0] - baked[0]).mean(-1)
         rows[2].append(Panel("difference", signed_colors(apart, LIMIT, baked[1]), LIMIT))
     return montage([panel for row in rows for panel in row], columns=len(drawn))

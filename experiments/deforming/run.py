@@ -22,7 +22,7 @@ from gash_jax.measure.deforming import SequenceScores, coefficient_ranges
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed_on_both_clocks
 from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.deforming_model import DeformingModel, save_deforming_model
+from gash_jax.models.deforming_model import load_deforming_model, save_deforming_model
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import bake_pose, posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
@@ -86,7 +86,7 @@ def model_row(
     """Scores, size and speed of a model."""
     path = folder / "model.npz"
     save_deforming_model(path, config.model, arrays, mesh)
-    model = DeformingModel(config.model, arrays, mesh, {})
+    model = load_deforming_model(path)
     frames = [model(positions) for positions in test.scene.receivers.frames()]
     positions = test.scene.receivers.frame(0)
     pose = model.pose(positions)

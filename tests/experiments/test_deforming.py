@@ -9,13 +9,12 @@ from docs.deforming_tables import deforming_table
 from experiments.deforming import run
 from experiments.deforming.pictures import SIZE, strip
 from gash_jax.algebra.closed_forms import unshadowed_transfer
-from gash_jax.models.deform import fit_deform
+from gash_jax.models.deform import DeformConfig, fit_deform
 from gash_jax.models.deforming_model import DeformingModel
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import moving_scene, posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
-from gash_jax.train.config import load_config
 from gash_jax.train.truth import Truth, write_frames
 
 
@@ -45,7 +44,7 @@ def test_the_strip_has_a_row_for_each_way_and_a_column_for_each_frame(tmp_path: 
         write_frames(path, np.asarray(unshadowed_transfer(mesh.normals, 4), np.float16)[None], 0.0, 0.0)
         files.append(path)
     truth = Truth(scene, 4, 1, tuple(files), 0.0, 0.0)
-    config = load_config("deform", ["model.patches=2"]).model
+    config = DeformConfig("deform", 4, patches=2)
     arrays = fit_deform(config, TrainingPoses(moving, truth.shards()))
     picture = strip(DeformingModel(config, arrays, moving.mesh, {}), truth)
     assert picture.width > 3 * SIZE and picture.height > 3 * SIZE

@@ -133,7 +133,7 @@ def test_files_that_are_no_such_model_are_refused(model: DeformingModel, tmp_pat
 
 
 def test_local_coefficients_of_a_turned_body_are_those_of_the_body() -> None:
-    turn, neighbour = random_rotation(np.random.default_rng(0)), carried_normals(MESH, MESH.faces).neighbour
+    turn, neighbour = random_rotation(0), carried_normals(MESH, MESH.faces).neighbour
     still = np.asarray(local_frames(jnp.asarray(MESH.vertices), jnp.asarray(MESH.normals), jnp.asarray(neighbour)))
     moved = local_frames(
         jnp.asarray(MESH.vertices @ turn.T, jnp.float32), jnp.asarray(MESH.normals @ turn.T, jnp.float32), neighbour

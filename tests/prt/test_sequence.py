@@ -12,7 +12,7 @@ from gash_jax.shapes.primitives import bumpy_sphere
 
 ONE = bumpy_sphere(4)
 COUNT = len(ONE.vertices)
-PAIR = concatenate([ONE, ONE._replace(vertices=ONE.vertices + np.float32([0, 2.2, 0]))])
+PAIR = concatenate([ONE, ONE._replace(vertices=ONE.vertices + np.array([0, 2.2, 0], np.float32))])
 MOVING = blendshape_animation(PAIR, 0, 3, 4)
 
 

@@ -22,7 +22,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import KDTree
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
 from gash_jax.algebra.numerics import safe_normalize
@@ -64,13 +63,15 @@ def divide_surface(
     points: Float[np.ndarray, "v 3"], count: int, rounds: int = 8
 ) -> tuple[Int[np.ndarray, "v"], Float[np.ndarray, "q 3"]]:
     """The patch of every vertex, and the middles of the patches: k-means from vertices far apart."""
+    from scipy.spatial import KDTree  # slow to import, and a prediction does without
+
     middles = points[spread_vertices(points, count)]
     for _ in range(rounds):
         patch = KDTree(middles).query(points)[1]
         size = np.bincount(patch, minlength=len(middles))
         sums = np.stack([np.bincount(patch, axis, len(middles)) for axis in points.T], axis=1)
         middles = np.where(size[:, None] > 0, sums / np.maximum(size, 1)[:, None], middles)
-    return KDTree(middles).query(points)[1], middles
+    return np.asarray(KDTree(middles).query(points)[1]), middles
 
 
 def relevance(
@@ -133,7 +134,7 @@ def fit_deform(config: DeformConfig, poses: TrainingPoses) -> dict[str, Any]:
         if len(own):
             seen = near[number] * rows
             outputs = local[:, own].astype(np.float32).reshape(len(rows), -1)
-            found = fit_low_rank(pose_kernel(seen, seen), outputs, rank, config.ridge)
+            found = fit_low_rank(np.asarray(pose_kernel(seen, seen)), outputs, rank, config.ridge)
             mean[own], weights[number] = found.mean.reshape(-1, size), found.dual
             basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
     arrays = {"patch": patch, "neighbour": neighbour, "relevance": near, "poses": rows}

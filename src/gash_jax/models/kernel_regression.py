@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 RIDGES = tuple(10.0**power for power in np.arange(-4, 0.01, 0.5))  # that are tried, times the mean of K's diagonal
+WEAKEST = 1e-9  # of the energy of the strongest direction that counts
 
 
 class LowRank(NamedTuple):
@@ -56,8 +57,9 @@ def fit_low_rank(
     smooth = kernel @ inverse
     values, vectors = np.linalg.eigh(smooth @ gram @ smooth.T)
     kept = np.argsort(-values)[: min(rank, len(values))]
-    size = np.sqrt(np.maximum(values[kept], 1e-30 * max(float(values.max()), 1e-30)))
-    into = smooth.T @ vectors[:, kept] / size  # (t, r): B = into^T (Y - m)
+    strong = values[kept] > WEAKEST * max(float(values.max()), 1e-30)  # the others are rounding, and stay zeros
+    size = np.sqrt(np.where(strong, values[kept], 1))
+    into = strong * (smooth.T @ vectors[:, kept]) / size  # (t, r): B = into^T (Y - m)
     dual, basis = inverse @ gram @ into, into.T.astype(np.float32) @ apart
     short = rank - len(kept)
     dual, basis = np.pad(dual, ((0, 0), (0, short))), np.pad(basis, ((0, short), (0, 0)))

@@ -56,9 +56,10 @@ def animate(
     up: str,
     quiet: bool,
 ) -> None:
-    """Write the transfer of every frame of ANIMATION: coefficients float16 (frames, vertices, bands²).
+    """Write the transfer of every frame of ANIMATION: baked, or by a model of the object that deforms.
 
-    A bake is kept frame by frame, so after an interruption the same command goes on where it stopped.
+    The file holds coefficients (frames, vertices, bands²) in float16. A bake is kept frame by frame, so after an
+    interruption the same command goes on where it stopped.
     """
     fitted = None if model == BAKE else load_deforming_model(model)
     weights = None if model == BAKE else deforming_model_file(model)
