@@ -84,3 +84,15 @@ def test_unshadowed_transfer_under_jit_and_vmap() -> None:
     np.testing.assert_allclose(jax.jit(unshadowed_transfer, static_argnums=1)(normals, 3), plain, atol=1e-6)
     mapped = jax.vmap(lambda n: unshadowed_transfer(n, 3))(normals.reshape(2, 3, 3))
     np.testing.assert_allclose(mapped.reshape(6, 9), plain, atol=1e-6)
+
+
+def test_caps_by_hand_and_hemispheres() -> None:
+    """u = cos a: 2 pi (1 - u), pi (1 - u²), pi u (1 - u²); a = pi / 2 is the hemisphere."""
+    u = 0.3
+    np.testing.assert_allclose(
+        closed_forms.cap(3, np.arccos(u)), np.pi * np.array([2 * (1 - u), 1 - u**2, u * (1 - u**2)]), rtol=1e-5
+    )
+    half = [closed_forms.hemisphere(band) for band in range(10)]
+    np.testing.assert_allclose(closed_forms.cap(10, np.pi / 2), half, atol=2e-6)
+    tiny = closed_forms.cap(10, 1e-5)  # all light from one direction: the same in every band
+    np.testing.assert_allclose(tiny, np.pi * 1e-10, rtol=1e-5)

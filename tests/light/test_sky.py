@@ -36,6 +36,26 @@ def test_the_zenith_by_hand() -> None:
     assert xyz[0] / xyz.sum() == pytest.approx(0.2380120, abs=2e-6)
 
 
+# A .. E of Y, x and y at T = 2 and T = 5, worked out from the paper's table by hand
+AT_2 = ([-1.1056, -0.2833, 5.2797, -2.3359, 0.2363], [-0.2978, -0.1322, 0.2117, -1.0271, 0.0386])
+AT_2 += ([-0.2942, -0.1808, 0.1944, -1.7419, 0.0311],)
+AT_5 = ([-0.5695, -1.3495, 5.2116, -1.9741, 0.0353], [-0.3557, -0.3317, 0.2105, -1.2194, 0.0287])
+AT_5 += ([-0.3443, -0.4658, 0.1707, -1.8742, -0.0016],)
+
+
+@pytest.mark.parametrize(("turbidity", "table"), [(2.0, AT_2), (5.0, AT_5)])
+def test_luminance_and_colour_by_hand(turbidity: float, table: tuple) -> None:
+    """45 degrees from the zenith and 15 from the sun, which is 60 degrees from the zenith: over those of the zenith."""
+    both = sky_radiance(np.stack([toward(0, 45), toward(0, 90)]), toward(0, 30), turbidity)
+    xyz = both @ np.linalg.inv(xyz_to_rec_709()).T
+    found = np.stack([xyz[:, 1], xyz[:, 0] / xyz.sum(1), xyz[:, 1] / xyz.sum(1)])
+    for (a, b, c, d, e), (there, above) in zip(table, found, strict=True):
+        near, far = np.radians(15), np.radians(60)
+        upper = (1 + a * np.exp(b * np.sqrt(2))) * (1 + c * np.exp(d * near) + e * np.cos(near) ** 2)
+        lower = (1 + a * np.exp(b)) * (1 + c * np.exp(d * far) + e / 4)
+        assert there / above == pytest.approx(upper / lower, rel=1e-9)
+
+
 def test_white_of_unit_luminance_is_one() -> None:
     x, y = REC_709[6:]
     np.testing.assert_allclose(xyz_to_rec_709() @ [x / y, 1.0, (1 - x - y) / y], [1, 1, 1], rtol=1e-12)
