@@ -14,7 +14,7 @@ from benchmarks.options import options
 from experiments.textures.run import BANDS, mesh_bytes
 from experiments.textures.scenes import scenes
 from gash_jax.apps.pictures.montage import Panel, montage, write_picture
-from gash_jax.apps.pictures.views import Camera, cast_view, exposure_for, look_up_view, shade_view, to_srgb
+from gash_jax.apps.pictures.views import Camera, Picture, cast_view, exposure_for, look_up_view, shade_view, to_srgb
 from gash_jax.geometry.mesh import Mesh, subdivide_midpoint
 from gash_jax.light.environment import project_light
 from gash_jax.light.shading import shade, shade_texture
@@ -34,7 +34,9 @@ def panels_of(name: str, mesh: Mesh, quick: bool) -> list[Panel]:
     (camera, turn), rays, pixels = SHOWN[name], 16 if quick else RAYS, 32 if quick else PIXELS
     image = studio_light()
     light = project_light(np.roll(image, round(turn / 360 * image.shape[1]), axis=1), BANDS)
-    fine, views, captions = mesh, [], []
+    views: list[Picture] = []
+    captions: list[str] = []
+    fine = mesh
     for level in range(LEVELS + 1):
         if level in (0, LEVELS):
             values = bake_transfer(fine, BANDS, rays).coefficients

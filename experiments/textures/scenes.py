@@ -31,7 +31,7 @@ def body(vertices: int = 250) -> Mesh:
 
 def low_poly_spot(path: Path) -> Mesh:
     """Spot (Keenan Crane, public domain) with `SPOT_FACES` faces, by fast-simplification."""
-    import fast_simplification
+    import fast_simplification  # type: ignore[import-not-found]
 
     whole = load_mesh(path)
     vertices, faces = fast_simplification.simplify(

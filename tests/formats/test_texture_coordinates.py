@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual import TextureVisuals
 
 from gash_jax.formats.meshes import load_mesh, texture_coordinates
 from gash_jax.formats.obj import read_obj
@@ -68,7 +69,7 @@ def test_ply_of_corners() -> None:
 
 def test_gltf_as_trimesh_writes_it_and_trimesh_itself(tmp_path: Path) -> None:
     from_below = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    visual = trimesh.visual.TextureVisuals(uv=from_below)
+    visual = TextureVisuals(uv=from_below)
     mesh = trimesh.Trimesh(SQUARE.vertices, SQUARE.faces, visual=visual, process=False)
     mesh.export(tmp_path / "square.glb")
     for source in (mesh, tmp_path / "square.glb"):

@@ -13,8 +13,8 @@ def _values(uv: np.ndarray, mesh: Mesh, size: int) -> tuple[np.ndarray, np.ndarr
     found = find_texels(uv, size)
     points = np.einsum("ti,tij->tj", found.barycentric, mesh.vertices[mesh.faces[found.face]])
     values, inside = np.zeros((size**2, 2)), np.zeros(size**2, bool)
-    values[found.index] = np.stack([np.sin(5 * points[:, 0]), points[:, 0] * points[:, 1] + 1], axis=1)
-    inside[found.index] = found.inside
+    values[found.texel] = np.stack([np.sin(5 * points[:, 0]), points[:, 0] * points[:, 1] + 1], axis=1)
+    inside[found.texel] = found.inside
     return values, inside
 
 
@@ -93,9 +93,9 @@ def test_charts_that_lie_too_close_are_left_out() -> None:
     size = 16
     rows, found = seam_rows(SQUARE, uv, size), find_texels(uv, size)
     chart = np.full(size**2, -1)
-    chart[found.index] = rows.chart_of[found.face]
+    chart[found.texel] = rows.chart_of[found.face]
     assert len(apart_rows(rows, chart).texels) < len(rows.texels) / 2
     wide, found = seam_rows(SQUARE, split_square(), size), find_texels(split_square(), size)
     chart = np.full(size**2, -1)
-    chart[found.index] = wide.chart_of[found.face]
+    chart[found.texel] = wide.chart_of[found.face]
     assert len(apart_rows(wide, chart).texels) == len(wide.texels)

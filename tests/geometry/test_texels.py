@@ -8,7 +8,7 @@ from tests.helpers.textured import SQUARE, SQUARE_UV, dented_sheet, split_square
 
 
 def _centres(found: module.Texels, size: int) -> np.ndarray:
-    row, column = np.divmod(found.index, size)
+    row, column = np.divmod(found.texel, size)
     return (np.stack([column, row], axis=1) + 0.5) / size
 
 
@@ -37,7 +37,7 @@ def _brute_force(uv: np.ndarray, size: int) -> np.ndarray:
 def test_a_square_by_hand() -> None:
     found = find_texels(SQUARE_UV, 4)
     assert found.inside.all() and found.doubled == 0
-    np.testing.assert_array_equal(found.index, np.arange(16))
+    np.testing.assert_array_equal(found.texel, np.arange(16))
     positions = _points(found, SQUARE.vertices[SQUARE.faces])
     # row 0 is the upper edge y = 1 of the square
     np.testing.assert_allclose(positions[0], [0.125, 0.875, 0], atol=1e-6)
@@ -53,9 +53,9 @@ def test_against_every_face_for_every_texel(size: int, mirrored: bool, monkeypat
     uv = (uv[:, ::-1] if mirrored else uv).astype(np.float32)
     distances = _brute_force(uv, size)
     found = find_texels(uv, size)
-    np.testing.assert_array_equal(found.index, np.flatnonzero(distances.min(axis=1) < REACH))
-    nearest = distances[found.index].min(axis=1)
-    np.testing.assert_allclose(distances[found.index, found.face], nearest, atol=1e-5)
+    np.testing.assert_array_equal(found.texel, np.flatnonzero(distances.min(axis=1) < REACH))
+    nearest = distances[found.texel].min(axis=1)
+    np.testing.assert_allclose(distances[found.texel, found.face], nearest, atol=1e-5)
     np.testing.assert_array_equal(found.inside, nearest == 0)
     apart = np.linalg.norm(_points(found, uv) - _centres(found, size), axis=1) * size
     np.testing.assert_allclose(apart, nearest, atol=1e-4)
@@ -70,7 +70,7 @@ def test_whatever_a_face_looks_up_is_there() -> None:
         found = find_texels(uv, size)
         weights = random.dirichlet([1, 1, 1], (len(mesh.faces), 20))
         index, shares = taps(np.einsum("fsi,fij->fsj", weights, uv).reshape(-1, 2), size)
-        assert set(index[shares > 1e-6]) <= set(found.index)
+        assert set(index[shares > 1e-6]) <= set(found.texel)
 
 
 def test_faces_without_area_and_smaller_than_a_texel() -> None:

@@ -23,6 +23,6 @@ def test_charts_lie_apart_and_do_not_overlap() -> None:
     uv = checked_coordinates(atlas_coordinates(mesh, size), len(mesh.faces))
     found, rows = find_texels(uv, size), seam_rows(mesh, uv, size)
     chart = np.full(size**2, -1)
-    chart[found.index] = rows.chart_of[found.face]
+    chart[found.texel] = rows.chart_of[found.face]
     assert found.doubled == 0 and len(rows.texels) > 0
     assert len(apart_rows(rows, chart).texels) == len(rows.texels)

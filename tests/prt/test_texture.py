@@ -30,7 +30,10 @@ def test_round_trip(tmp_path: Path, changes: dict[str, Any]) -> None:
     found = load_texture(tmp_path / "t.npz")
     for name in TransferTexture._fields[:-1]:
         ours, theirs = getattr(texture, name), getattr(found, name)
-        assert (ours is None and theirs is None) or (ours.dtype == theirs.dtype and np.array_equal(ours, theirs)), name
+        if ours is None or theirs is None:
+            assert ours is theirs, name
+        else:
+            assert ours.dtype == theirs.dtype and np.array_equal(ours, theirs), name
     assert found.metadata["format"] == FORMAT and found.metadata["method"] == "made up"
     assert found.bands == (2 if "texture" in changes else 3) and np.array_equal(found.mesh.faces, SQUARE.faces)
 

@@ -46,9 +46,9 @@ def test_texels_are_points_with_normals() -> None:
     found, points, normals = _points(mesh, uv, 10)
     expected = bake_transfer(mesh, 2, 32, points=points, normals=normals, seed=3)
     assert expected.standard_error is not None and texture.standard_error is not None
-    flat = texture.texture.reshape(100, 4)[found.index]
+    flat = texture.texture.reshape(100, 4)[found.texel]
     np.testing.assert_array_equal(flat, expected.coefficients.astype(np.float16))
-    error = texture.standard_error.reshape(100, 4)[found.index]
+    error = texture.standard_error.reshape(100, 4)[found.texel]
     np.testing.assert_array_equal(error, expected.standard_error.astype(np.float16))
     assert texture.metadata["rays_total"] == 32 * len(points) and texture.bands == 2
     assert texture.metadata["texture"]["texels_on_faces"] == found.inside.sum()
@@ -98,6 +98,7 @@ def test_texels_are_baked_in_groups_with_random_numbers_of_their_own(monkeypatch
     assert seen[-1] == (count, count) and [done for done, _ in seen] == sorted(done for done, _ in seen)
     assert parts.metadata["rays_total"] == whole.metadata["rays_total"]
     baked = np.flatnonzero(whole.coverage)
+    assert whole.standard_error is not None
     ours, theirs, error = (
         a.reshape(144, 9)[baked].astype(np.float64) for a in (parts.texture, whole.texture, whole.standard_error)
     )
@@ -114,7 +115,7 @@ def test_bounces_off_colours() -> None:
     expected = bake_transfer(mesh, 2, 32, points=points, normals=normals, **options)
     assert texture.texture.shape == (8, 8, 4, 3) and texture.metadata["parameters"]["bounces"] == 2
     np.testing.assert_array_equal(
-        texture.texture.reshape(64, 4, 3)[found.index], expected.coefficients.astype(np.float16)
+        texture.texture.reshape(64, 4, 3)[found.texel], expected.coefficients.astype(np.float16)
     )
 
 

@@ -40,7 +40,7 @@ def read_gltf(data: bytes, folder: Path) -> RawMesh:
     document = open_document(data, folder)
     places = scene_places(document)
     none = np.zeros((0, 3))
-    scene = [(none, none.astype(np.int64), none, none, none[:, :2])]
+    scene: list[tuple[np.ndarray, ...]] = [(none, none.astype(np.int64), none, none, none[:, :2])]
     skipped, morphed, colored = 0, False, False
     count = 0
     for index, place in places.items():

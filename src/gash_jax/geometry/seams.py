@@ -40,7 +40,7 @@ class SeamRows(NamedTuple):
     chart_of: Int[np.ndarray, "f"]  # chart of each face: those that hang together in the texture
 
 
-def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int, per_texel: float = 1) -> SeamRows:
+def seam_rows(mesh: Mesh, uv: Float[np.ndarray, "f 3 2"], size: int, per_texel: int = 1) -> SeamRows:
     """The equations of all seams of a mesh in a texture of `size` x `size`, for so many points a texel."""
     welded = weld(np.concatenate([mesh.vertices, mesh.normals], axis=1))[mesh.faces]
     edges = build_edges(welded, len(mesh.vertices))

@@ -23,7 +23,7 @@ DEEP = 0.02  # texels from its edges at which a centre lies inside a face beyond
 class Texels(NamedTuple):
     """The texels that stand for a point on a face, in their order row by row."""
 
-    index: Int[np.ndarray, "t"]  # row * size + column
+    texel: Int[np.ndarray, "t"]  # row * size + column
     face: Int[np.ndarray, "t"]
     barycentric: Float[np.ndarray, "t 3"]  # of the point on its face
     inside: Bool[np.ndarray, "t"]  # whether the centre lies on the face

@@ -18,7 +18,7 @@ def atlas_coordinates(mesh: Mesh, size: int) -> Float[np.ndarray, "f 3 2"]:
     Raises MeshError where xatlas is not installed.
     """
     try:
-        import xatlas
+        import xatlas  # type: ignore[import-not-found]
     except ImportError:
         raise MeshError(
             "texture coordinates for a mesh without are made by xatlas, which is not installed: pip install xatlas "

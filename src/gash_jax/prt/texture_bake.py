@@ -48,7 +48,7 @@ class Layout(NamedTuple):
 
     def lines(self, rays: int, values: int) -> list[str]:
         """For people, beforehand: texels, rays and bytes, with so many float16 a texel; and what is odd."""
-        count, size = len(self.texels.index), self.size
+        count, size = len(self.texels.texel), self.size
         lines = [
             f"texture {size} x {size}: {count} texels ({count / size**2:.0%}) x {rays} rays = "
             f"{count * rays / 1e6:.3g} M rays, {size**2 * (2 * values + 1) / 2**20:.3g} MiB beside the mesh"
@@ -76,7 +76,7 @@ class Layout(NamedTuple):
         inside = int(self.texels.inside.sum())
         return {
             **{"size": self.size, "uv": self.source, "texels_on_faces": inside},
-            **{"texels_at_rims": len(self.texels.index) - inside, "texels_on_two_faces": self.texels.doubled},
+            **{"texels_at_rims": len(self.texels.texel) - inside, "texels_on_two_faces": self.texels.doubled},
             "faces_without_area": self.faces_without_area,
             **{"points_on_seams": len(self.seams.texels), "largest_seam_jump": jump},
             "points_on_seams_mixed": self.mixed,
@@ -104,7 +104,7 @@ def lay_out(mesh: Mesh, size: WholeNumber, uv: "ArrayLike | Array | str | None")
         )
     rows = seam_rows(mesh, coordinates, size)
     chart = np.full(size * size, -1)
-    chart[texels.index] = rows.chart_of[texels.face]
+    chart[texels.texel] = rows.chart_of[texels.face]
     apart = apart_rows(rows, chart)
     return Layout(size, coordinates, source, texels, apart, len(rows.texels) - len(apart.texels))
 
@@ -171,7 +171,7 @@ def bake_layout(
 ) -> TransferTexture:
     """Bake the texels of a layout (`bake_texture`)."""
     started, seed = time.perf_counter(), whole_number(seed, "seed", 0)
-    texels, count = layout.texels, len(layout.texels.index)
+    texels, count = layout.texels, len(layout.texels.texel)
     channels = (3,) if options["bounces"] and np.shape(options["albedo"])[-1:] == (3,) else ()
     texture = np.zeros((layout.size**2, bands**2, *channels), np.float16)
     replicates = choose_replicates(rays, options["replicates"])
@@ -184,12 +184,12 @@ def bake_layout(
         own = seed if not start else int(np.random.SeedSequence([seed, start]).generate_state(1)[0])
         update = _part_of(progress, part, count)
         baked = bake_transfer(mesh, bands, rays, points=points, normals=normals, seed=own, progress=update, **options)
-        texture[texels.index[part]] = baked.coefficients
+        texture[texels.texel[part]] = baked.coefficients
         if error is not None and baked.standard_error is not None:
-            error[texels.index[part]] = baked.standard_error
+            error[texels.texel[part]] = baked.standard_error
         total, parameters = total + baked.metadata["rays_total"], baked.metadata["parameters"]
     coverage = np.full(layout.size**2, FILLED, np.uint8)
-    coverage[texels.index] = np.where(texels.inside, ON_FACE, RIM)
+    coverage[texels.texel] = np.where(texels.inside, ON_FACE, RIM)
     flat = equal_on_seams(texture.reshape(len(texture), -1), layout.seams, coverage == ON_FACE)
     told = layout.entries(float(np.abs(seam_jumps(flat, layout.seams)).max(initial=0)))
     coverage = coverage.reshape(layout.size, layout.size)
@@ -222,7 +222,7 @@ def _filled(values: np.ndarray | None, coverage: np.ndarray) -> Any:
     missing = coverage == FILLED
     image = values.reshape(*coverage.shape, *values.shape[1:])
     if missing.any():
-        nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
+        nearest: Any = distance_transform_edt(missing, return_distances=False, return_indices=True)
         image[missing] = image[tuple(nearest[:, missing])]
     return image
 

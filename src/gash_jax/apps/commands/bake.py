@@ -143,8 +143,8 @@ def bake(
     read = time.perf_counter() - started
     if texture:
         options = {"occluders": scene["occluders"], "bounces": bounces, "albedo": colors, "replicates": replicates}
-        layout = lay_out(surface, texture, chosen_coordinates(mesh, uv))
-        write_texture(output, (surface, health), layout, bands, rays, {**options, "seed": seed}, quiet)
+        texels = lay_out(surface, texture, chosen_coordinates(mesh, uv))
+        write_texture(output, (surface, health), texels, bands, rays, {**options, "seed": seed}, quiet)
         return
     plan = plan_bake(surface, error, bands=bands, light=light, seed=seed) if auto else None
     if plan is not None:
