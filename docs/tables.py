@@ -132,6 +132,7 @@ TABLES = (
     Table("docs/animation.md", "MAPS", animation_tables.maps_table, "geometry_images.json"),
     Table("docs/animation.md", "ROUND TRIPS", animation_tables.round_trip_table, "geometry_images.json"),
     Table("docs/animation.md", "EVENNESS", animation_tables.evenness_table, "geometry_images.json"),
+    Table("docs/choices.md", "READINGS", trial_tables.validation, "readings.json"),
     Table("docs/choices.md", "LINEAR", trial_tables.linear, "linear_stage.json"),
     Table("docs/service.md", "SERVICE LATENCY", service_tables.latency_table, "service.json"),
     Table("docs/service.md", "SERVICE LOAD", service_tables.load_table, "service.json"),
