@@ -94,7 +94,9 @@ def published(results: Results) -> str:
     return (
         "**The published networks hardly carry over to meshes unlike those they were trained on.** Skill 0 is the "
         f"closed form, a formula without shadows; their median skills: {skills}. The MLP is the fastest of all, "
-        f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time."
+        f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time. "
+        "These runs are in a reading of the paper that handicaps them; [another](choices.md#frames) is measured on "
+        "shapes of the corpus so far."
     )
 
 
