@@ -19,6 +19,7 @@ def test_main_gets_its_options_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
         "quick": True,
         "runs": Path("runs/other"),
         "model": "local",
+        "maps": None,
     }
     monkeypatch.setattr(sys, "argv", line[:1])
     assert options("What it does.", "output", "quick") == {"output": None, "quick": False}

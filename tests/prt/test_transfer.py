@@ -35,10 +35,10 @@ def _full(bands: int, half: bool, coloured: bool) -> Transfer:
     count, k = len(mesh.vertices), bands**2
     rows = (count, k, 3) if coloured else (count, k)
     coefficients, error, predicted = (rng.random(rows, np.float32) for _ in range(3))
-    visibility = rng.random((count, (2 * bands - 1) ** 2)).astype(kind)
+    visibility, unsure = (rng.random((count, (2 * bands - 1) ** 2)).astype(kind) for _ in range(2))
     matrices = rng.random((count, k, k)).astype(kind)
     metadata = make_metadata(bands, "bake", {})
-    return Transfer(coefficients, error, *mesh, metadata, predicted, visibility, matrices)
+    return Transfer(coefficients, error, *mesh, metadata, predicted, visibility, matrices, unsure)
 
 
 @pytest.mark.parametrize("bands", [1, 3, 10])
@@ -67,6 +67,7 @@ def test_every_field_survives_the_file(tmp_path: Path, bands: int, half: bool, c
         ("predicted_error", (42, 9)),
         ("visibility", (42, 9)),
         ("visibility", (41, 25)),
+        ("visibility_error", (42, 9)),
         ("matrices", (42, 9)),
         ("matrices", (42, 9, 25)),
         ("normals", (42, 2)),
