@@ -40,6 +40,8 @@ from gash_jax.shapes.procedural import make_shape
 ALBEDO, BOUNCES, VERTICES, HEIGHT, SHIFT, REPLICATES = 0.6, 3, 2000, 128, 0.7, 4
 RENDERED, BAKED = 512, 256
 SIZES = ((10000, 12000), (40000, 48000))
+# smooth normals turn by much within its faces, so that light does too, which transfer at corners does not follow
+HARD_EDGED = ("plate",)
 
 
 def black_behind(mesh: Mesh, query: RayQuery) -> RayQuery:
@@ -163,6 +165,8 @@ def main(meshes: list[Path], output: Path | None, quick: bool) -> dict:
     mi.set_variant("llvm_ad_rgb")
     sizes = ((400, 500),) if quick else SIZES
     bodies = [make_shape(17, index, size) for index in range(1 if quick else 5) for size in sizes]
+    for name, mesh in [body for body in bodies if body[0] in HARD_EDGED][:1]:
+        bodies.append((f"{name}, cut into sixteen", subdivide_midpoint(subdivide_midpoint(mesh))))
     for path in meshes:
         mesh = load_mesh(path)
         bodies += [(path.stem, mesh), (f"{path.stem}, cut into four", subdivide_midpoint(mesh))]
