@@ -147,8 +147,8 @@ def verdict(results: Results) -> str:
         f"bake of {YARDSTICK_RAYS[-1]} rays or fewer has less error in less time than `two-stage`, the published graph "
         f"network, on {beaten(result, two_stage)}, and than `mlp` on {beaten(result, mlp)}; the error of `mlp` is that "
         f"of {rays} rays at the median. Both are in a reading of the paper that handicaps the graph network "
-        "([choices](docs/choices.md#frames)). What networks offer is a prediction without rays, and the tables are there "
-        "to say what that costs.",
+        "([choices](docs/choices.md#frames)). What networks offer is a prediction without rays, and the tables are "
+        "there to say what that costs.",
         WIDTH,
         break_on_hyphens=False,
     )
