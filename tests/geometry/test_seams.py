@@ -3,8 +3,9 @@ import pytest
 
 from gash_jax.geometry.bilinear import lookup
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.geometry.seams import TOLERANCE, apart_rows, equal_on_seams, seam_jumps, seam_rows
+from gash_jax.geometry.seams import INSIDE, TOLERANCE, apart_rows, equal_on_seams, seam_jumps, seam_rows
 from gash_jax.geometry.texels import find_texels
+from gash_jax.shapes.primitives import bumpy_sphere
 from tests.helpers.textured import SQUARE, SQUARE_UV, split_square
 
 
@@ -37,6 +38,25 @@ def test_both_sides_of_a_seam_become_equal(size: int) -> None:
     assert np.sqrt(np.mean(jump**2)) < (0.55 if size == 8 else 0.4) * np.sqrt(np.mean(old**2))
     moved = np.abs(equal - values).max(axis=1)
     assert moved[inside].max() < 1.5 * before  # about as far as the seam was off
+
+
+def test_the_texels_move_as_little_as_dense_algebra_says() -> None:
+    """A texture so coarse that several points on seams say the same; against a pseudo-inverse."""
+    ball, size = bumpy_sphere(3), 36
+    side = int(np.ceil(np.sqrt(len(ball.faces))))
+    row, column = np.divmod(np.arange(len(ball.faces)), side)
+    corners = np.stack([column, row], 1)[:, None] + [[0.15, 0.15], [0.85, 0.15], [0.15, 0.85]]
+    rows = seam_rows(ball, corners / side, size)
+    rng = np.random.default_rng(5)
+    values, inside = rng.normal(size=(size**2, 2)), rng.random(size**2) < 0.5
+    sides = np.zeros((len(rows.texels), size**2))
+    np.add.at(sides, (np.arange(len(sides))[:, None], rows.texels), rows.weights)
+    pull = np.where(inside, INSIDE, 1.0)[:, None] * sides.T
+    assert np.linalg.matrix_rank(sides) < len(sides)
+    wanted = values - pull @ np.linalg.pinv(sides @ pull, rcond=1e-10) @ sides @ values
+    equal = equal_on_seams(values, rows, inside)
+    np.testing.assert_allclose(equal, wanted, atol=1e-4)
+    assert np.abs(seam_jumps(equal, rows)).max() <= TOLERANCE * np.abs(values).max()
 
 
 def test_what_is_equal_already_stays() -> None:

@@ -4,21 +4,24 @@ Along a seam the same points of the surface are looked up at two places of the t
 out one by one the two lookups differ, and the seam shows. `SeamRows` holds one linear equation for every point of a row
 of points on each seam, ends included and at most one texel apart on the longer side: lookup on one side = lookup on the
 other. `equal_on_seams` moves the texels as little as possible, by weighted least squares, until all of these hold:
-x + W S^T y with (S W S^T) y = -S x, the projection onto S x = 0, by conjugate gradients. It exists for any x. Texels
-whose centre lies beside their face weigh little, because nothing but the rim of their chart looks them up. Between the
-points, the difference along a seam is that of two piecewise quadratic functions that agree at both ends. More points
-would leave less of it, and move texels further from what was baked.
+x + W S^T y with (S W S^T) y = -S x, the projection onto S x = 0, by a sparse factorisation. It exists for any x, and S
+may have rows that say the same: the factorised matrix has a little more on its diagonal, and what this leaves of S x is
+projected again. Texels whose centre lies beside their face weigh little, because nothing but the rim of their chart
+looks them up. Between the points, the difference along a seam is that of two piecewise quadratic functions that agree
+at both ends. More points would leave less of it, and move texels further from what was baked.
 
 Faces meet at an edge where positions and normals of their vertices agree, whether or not the file repeats them for each
 face. Where normals differ the edge is hard, and the transfer differs as well. Where more than two faces meet, each is
 made equal to the next. Points where charts lie so close that a lookup mixes them are left out (`apart_rows`).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array, diags_array, eye_array
+from scipy.sparse.linalg import splu
 
 from gash_jax.geometry.bilinear import taps
 from gash_jax.geometry.mesh import Mesh, connected_labels
@@ -28,7 +31,8 @@ from gash_jax.geometry.topology import build_edges, weld
 MIXED = 1e-3  # weight of another chart's texel from which on a lookup mixes with it
 SAME = 1e-3  # texels: two places of a lookup that are one
 INSIDE = 0.1  # how easily a texel inside its face moves, beside 1 for one at the rim
-TOLERANCE, STEPS = 1e-6, 2000  # largest difference left, as a part of the largest value; conjugate gradients
+TOLERANCE, ROUNDS = 1e-6, 8  # largest difference left, as a part of the largest value; projections at most
+MORE = 1e-12  # of the largest element of the diagonal
 
 
 class SeamRows(NamedTuple):
@@ -84,29 +88,26 @@ def equal_on_seams(
     used, columns = np.unique(rows.texels, return_inverse=True)
     number = np.repeat(np.arange(len(rows.texels)), 8)
     sides = csr_array((rows.weights.ravel(), (number, columns.ravel())), shape=(len(rows.texels), len(used)))
-    back = sides.T.tocsr()
-    loose = np.where(inside[used], INSIDE, 1.0)[:, None]
+    pull = (diags_array(np.where(inside[used], INSIDE, 1.0)) @ sides.T).tocsr()
+    solve = _factorised((sides @ pull).tocsc())
     moved = values[used].astype(np.float64)
-    left = sides @ moved  # by conjugate gradients; each column of values has steps of its own
-    direction, square = left.copy(), np.sum(left * left, axis=0)
     enough = TOLERANCE * np.abs(moved).max(initial=0)
-    for _ in range(STEPS):
+    for _ in range(ROUNDS):
+        left = sides @ moved
         if np.abs(left).max() <= enough:
             break
-        pulled = loose * (back @ direction)
-        turned = sides @ pulled
-        step = square / _above(np.sum(direction * turned, axis=0))
-        moved, left = moved - step * pulled, left - step * turned
-        square, before = np.sum(left * left, axis=0), square
-        direction = left + square / _above(before) * direction
+        moved -= pull @ solve(left)
     result = values.copy()
     result[used] = moved.astype(values.dtype)
     return result
 
 
-def _above(values: Float[np.ndarray, "c"]) -> Float[np.ndarray, "c"]:
-    """To divide by: 1 in place of 0, for columns that have nothing left to do."""
-    return np.where(values > 0, values, 1.0)
+def _factorised(matrix: csc_array) -> Callable[[np.ndarray], np.ndarray]:
+    """Solver of a symmetric, positive semidefinite matrix with `MORE` on its diagonal."""
+    diagonal = matrix.diagonal()
+    more = MORE * diagonal.max() * eye_array(len(diagonal), format="csc")
+    found = splu(matrix + more, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return found.solve
 
 
 def seam_jumps(values: Float[np.ndarray, "n c"], rows: SeamRows) -> Float[np.ndarray, "s c"]:
