@@ -76,6 +76,33 @@ def test_what_is_refused_writes_nothing(folder: Path, arguments: tuple[str, ...]
     assert "\n" not in str(refusal.value) and not (folder / "t.npz").exists()
 
 
+def test_a_plan_of_a_texture(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    run("plan", "square.obj", "--texture", "32", "--rays", "16", "--json")
+    plan = json.loads(capsys.readouterr().out)
+    run("bake", "square.obj", "-o", "t.npz", "--texture", "32", "--rays", "16", "--quiet")
+    size = (folder / "t.npz").stat().st_size
+    assert plan["bytes"] <= size <= plan["bytes"] + 16384 and plan["uv"] == "own"
+    assert plan["rays_total"] == load_texture(folder / "t.npz").metadata["rays_total"] == 16 * plan["texels"]
+    run("plan", "square.obj", "--texture", "32", "--rays", "16")
+    assert "texels               1024, 100% of 32 x 32 (texture coordinates: own)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("square.obj", "--texture", "8", "--error", "0.1"), "leave out --bounces, --glossy, --light and --error"),
+        (("square.obj", "--texture", "8", "--glossy"), "leave out --bounces"),
+        (("square.obj", "--uv", "own"), "--texture 512"),
+        (("plain.ply", "--texture", "8", "--uv", "own"), "no texture coordinates"),
+        (("doubled.obj", "--texture", "64"), "overlap"),
+    ],
+)
+def test_plans_of_textures_that_cannot_be(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    with pytest.raises((ValueError, click.ClickException), match=words) as refusal:
+        run("plan", *arguments)
+    assert "\n" not in str(refusal.value)
+
+
 def test_other_commands_say_that_it_is_a_texture(folder: Path) -> None:
     run("bake", "square.obj", "-o", "t.npz", "--texture", "4", "--rays", "16", "--quiet")
     with pytest.raises(click.UsageError, match="is a texture"):

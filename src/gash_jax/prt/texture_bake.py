@@ -180,7 +180,7 @@ def bake_layout(
     total, parameters = 0, {}
     for start in range(0, count, group):
         part = slice(start, min(start + group, count))
-        points, normals = _points(mesh, texels, part)
+        points, normals = texel_points(mesh, texels, part)
         own = seed if not start else int(np.random.SeedSequence([seed, start]).generate_state(1)[0])
         update = _part_of(progress, part, count)
         baked = bake_transfer(mesh, bands, rays, points=points, normals=normals, seed=own, progress=update, **options)
@@ -200,7 +200,9 @@ def bake_layout(
     return TransferTexture(texture, error, coverage, layout.uv, *mesh, metadata)
 
 
-def _points(mesh: Mesh, texels: Texels, part: slice) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3"]]:
+def texel_points(
+    mesh: Mesh, texels: Texels, part: slice | Int[np.ndarray, "t"]
+) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3"]]:
     """Positions and unit normals of some of the texels; normal 0 where those of the corners cancel."""
     corners, weights = mesh.faces[texels.face[part]], texels.barycentric[part].astype(np.float64)
     points, normals = (np.einsum("ti,tij->tj", weights, array[corners]) for array in (mesh.vertices, mesh.normals))
