@@ -85,7 +85,14 @@ function addLight(scene, light) {
 }
 
 function sameMesh(one, other) {
-  if (!other || one.count !== other.count || one.frames !== other.frames || one.faces.length !== other.faces.length)
+  if (
+    !other ||
+    one.count !== other.count ||
+    one.side !== other.side ||
+    one.frames !== other.frames ||
+    one.faces.length !== other.faces.length
+  )
     return false;
-  return one.faces.every((vertex, i) => vertex === other.faces[i]) && one.box.size === other.box.size;
+  const same = (name) => one[name].every((value, i) => value === other[name][i]);
+  return same("names") && same("faces") && (!one.side || same("uv")) && one.box.size === other.box.size;
 }

@@ -36,7 +36,7 @@ import {
 } from "three";
 
 import { ramp } from "./palettes.js";
-import { FINISH, FRAGMENT, LINES, LINES_VERTEX, SCREEN, VERTEX } from "./shader.js";
+import { FINISH, FRAGMENT, LINES, LINES_VERTEX, SCREEN, TEXELS, TEXTURED, TEXTURED_VERTEX, VERTEX } from "./shader.js";
 
 const SAMPLES = 2;
 const WIDTH = 2048;
@@ -46,25 +46,21 @@ export class Picture {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, alpha: false, preserveDrawingBuffer: true });
     this.renderer.autoClear = false;
     this.renderer.setClearColor(0x000000, 0);
-    this.target = new WebGLRenderTarget(2, 2, {
-      type: HalfFloatType,
-      minFilter: NearestFilter,
-      magFilter: NearestFilter,
-    });
-    this.uniforms = surfaceUniforms();
+    this.target = plainTarget(2);
+    this.texels = plainTarget(1);
+    this.uniforms = surfaceUniforms(this.texels.texture);
     this.finish = finishUniforms(this.target.texture);
     const options = { glslVersion: GLSL3, uniforms: this.uniforms, side: DoubleSide };
-    this.surface = new Mesh(
-      new BufferGeometry(),
-      new RawShaderMaterial({
-        ...options,
-        vertexShader: VERTEX,
-        fragmentShader: FRAGMENT,
-        polygonOffset: true,
-        polygonOffsetFactor: 1,
-        polygonOffsetUnits: 1,
-      }),
-    );
+    // behind the lines along its edges
+    const offset = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
+    this.atVertices = new RawShaderMaterial({ ...options, ...offset, vertexShader: VERTEX, fragmentShader: FRAGMENT });
+    this.textured = new RawShaderMaterial({
+      ...options,
+      ...offset,
+      vertexShader: TEXTURED_VERTEX,
+      fragmentShader: TEXTURED,
+    });
+    this.surface = new Mesh(new BufferGeometry(), this.atVertices);
     const darken = {
       blending: CustomBlending,
       blendSrc: ZeroFactor,
@@ -83,17 +79,25 @@ export class Picture {
       }),
     );
     this.scene = new Scene().add(this.surface, this.lines);
-    this.screen = fullScreen(this.finish);
-    for (const drawn of [this.surface, this.lines, this.screen]) drawn.frustumCulled = false;
+    this.screen = fullScreen(FINISH, this.finish);
+    this.shading = fullScreen(TEXELS, this.uniforms);
+    for (const drawn of [this.surface, this.lines, this.screen, this.shading]) drawn.frustumCulled = false;
     this.ramps = Object.fromEntries(["signed", "rising"].map((name) => [name, rampTexture(name)]));
   }
 
-  /** Draw another mesh: its faces and normals, positions follow. */
-  setMesh({ faces, normals, count }) {
+  /** Draw another mesh: its faces and normals, positions follow; `side` texels squared where `uv` says. */
+  setMesh({ faces, normals, count, names, uv, side }) {
     const geometry = new BufferGeometry();
     geometry.setIndex(new BufferAttribute(faces, 1));
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * count), 3));
     geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+    if (uv) geometry.setAttribute("uv", new BufferAttribute(uv, 2));
+    this.surface.material = uv ? this.textured : this.atVertices;
+    if (side > this.renderer.capabilities.maxTextureSize)
+      throw new Error("it has more texels than this graphics card holds");
+    this.uniforms.side.value = side;
+    this.texels.setSize(side || 1, side || 1);
+    this.names = names;
     this.surface.geometry.dispose();
     this.surface.geometry = geometry;
     this.lines.geometry.dispose();
@@ -103,7 +107,7 @@ export class Picture {
   /** Lines along the edges, made when they are first seen: of a large mesh that takes a moment. */
   makeLines() {
     const { index, attributes } = this.surface.geometry;
-    this.lines.geometry.setIndex(new BufferAttribute(edgesOf(index.array), 1));
+    this.lines.geometry.setIndex(new BufferAttribute(edgesOf(index.array, this.names), 1));
     this.lines.geometry.setAttribute("position", attributes.position);
   }
 
@@ -168,11 +172,15 @@ export class Picture {
     this.finish.ramp.value = this.ramps[finish.palette === 2 ? "rising" : "signed"];
     this.lines.visible = wire;
     if (wire && !this.lines.geometry.index) this.makeLines();
-    this.renderer.setRenderTarget(this.target);
+    if (this.surface.material === this.textured) this.pass(this.texels, this.shading);
+    this.pass(this.target, this.scene);
+    this.pass(null, this.screen);
+  }
+
+  pass(target, drawn) {
+    this.renderer.setRenderTarget(target);
     this.renderer.clear();
-    this.renderer.render(this.scene, new NoCamera());
-    this.renderer.setRenderTarget(null);
-    this.renderer.render(this.screen, new NoCamera());
+    this.renderer.render(drawn, new NoCamera());
   }
 
   /** Samples of a part of the last picture, in its own pixels from the lower left corner: four numbers each. */
@@ -185,15 +193,16 @@ export class Picture {
   }
 }
 
-/** Edges of faces, each once, as pairs of vertices. */
-function edgesOf(faces) {
+/** Edges of faces, each once, as pairs of corners; corners of one name are one vertex. */
+function edgesOf(faces, names) {
   const seen = new Set();
   const pairs = [];
   for (let f = 0; f < faces.length; f += 3) {
     for (let i = 0; i < 3; i++) {
-      const [a, b] = [faces[f + i], faces[f + ((i + 1) % 3)]].sort((one, other) => one - other);
+      const ends = [faces[f + i], faces[f + ((i + 1) % 3)]];
+      const [a, b] = ends.map((corner) => names[corner]).sort((one, other) => one - other);
       const key = a * 2 ** 26 + b;
-      if (!seen.has(key)) pairs.push(a, b);
+      if (!seen.has(key)) pairs.push(...ends);
       seen.add(key);
     }
   }
@@ -207,6 +216,14 @@ function plainTexture(data, width, height, type) {
   return texture;
 }
 
+function plainTarget(side) {
+  return new WebGLRenderTarget(side, side, {
+    type: HalfFloatType,
+    minFilter: NearestFilter,
+    magFilter: NearestFilter,
+  });
+}
+
 function rampTexture(name) {
   const bytes = ramp(name);
   const texture = plainTexture(bytes, bytes.length / 4, 1, UnsignedByteType);
@@ -214,14 +231,15 @@ function rampTexture(name) {
   return texture;
 }
 
-function surfaceUniforms() {
+function surfaceUniforms(texels) {
   const textures = ["dataA", "dataB", "lights", "products", "scalars"];
-  const numbers = { kindA: 0, kindB: 0, bands: 1, show: 0, chosen: 0, glossy: false, scale: 1 };
+  const numbers = { kindA: 0, kindB: 0, bands: 1, show: 0, chosen: 0, glossy: false, scale: 1, side: 0 };
   return {
     ...Object.fromEntries(textures.map((name) => [name, { value: null }])),
     ...Object.fromEntries(Object.entries(numbers).map(([name, value]) => [name, { value }])),
     clip: { value: new Matrix4() },
     eye: { value: new Vector3() },
+    texels: { value: texels },
     factors: { value: new Float32Array(10) },
   };
 }
@@ -240,14 +258,14 @@ function finishUniforms(samples) {
   };
 }
 
-function fullScreen(uniforms) {
+function fullScreen(fragmentShader, uniforms) {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
   const material = new RawShaderMaterial({
     glslVersion: GLSL3,
     uniforms,
     vertexShader: SCREEN,
-    fragmentShader: FINISH,
+    fragmentShader,
     depthTest: false,
   });
   return new Mesh(geometry, material);

@@ -57,7 +57,7 @@ function nearestVertex(scene, [x, y]) {
     if (v >= 0 && u + v <= 1 && t > 0 && t < best.t) best = { t, f, weights: [1 - u - v, u, v] };
   }
   if (best.t === Infinity) return null;
-  const vertex = mesh.faces[best.f + best.weights.indexOf(Math.max(...best.weights))];
-  const position = [0, 1, 2].map((i) => points[3 * vertex + i] * mesh.box.size + mesh.box.center[i]);
-  return { vertex, position };
+  const corner = mesh.faces[best.f + best.weights.indexOf(Math.max(...best.weights))];
+  const position = [0, 1, 2].map((i) => points[3 * corner + i] * mesh.box.size + mesh.box.center[i]);
+  return { vertex: mesh.names[corner], position };
 }

@@ -41,12 +41,12 @@ export class Scene {
     };
   }
 
-  /** Another mesh; methods are its own, with the closed form at the end where its normals say it. */
+  /** Another mesh; methods are its own, with the closed form at the end where normals at its vertices say it. */
   setObject(mesh, methods) {
-    this.mesh = mesh;
     this.picture.setMesh(mesh);
+    this.mesh = mesh;
     this.made = {};
-    const flat = mesh.frames === 1 && mesh.normals.some((value) => value !== 0);
+    const flat = mesh.frames === 1 && !mesh.side && mesh.normals.some((value) => value !== 0);
     const { bands } = methods[0];
     this.methods = flat
       ? [

@@ -1,31 +1,63 @@
 /**
  * Shading on the graphics card, in the order of `light.shading` and `light.gloss`: radiance at the vertices, linear in
- * between, exposed and written as sRGB at the end, after the samples of a pixel were averaged.
+ * between, exposed and written as sRGB at the end, after the samples of a pixel were averaged. Of transfer in a texture
+ * the texels are shaded first and looked up bilinearly at every sample, as `geometry.bilinear` does.
  *
  * A data texture holds numbers one after the other, four in a texel, row by row; `number` finds the i-th. The table holds
  * what they are multiplied by: row 0 the light (k, 3), or the products A_jic of `multiplier` (row j, column i).
  */
 
-export const VERTEX = /* glsl */ `
+const SHADING = /* glsl */ `
 precision highp float;
 precision highp int;
 precision highp sampler2D;
 
-in vec3 position;
-in vec3 normal;
-uniform mat4 clip;
-uniform vec3 eye;
 uniform sampler2D dataA, dataB, lights, products, scalars;
 uniform int kindA, kindB, bands, show, chosen;
 uniform bool glossy;
-uniform float factors[10];
 uniform float scale;
-out vec3 value;
 
 float number(sampler2D data, int i) {
   int width = textureSize(data, 0).x;
   return texelFetch(data, ivec2((i >> 2) % width, (i >> 2) / width), 0)[i & 3];
 }
+
+vec3 diffuse(sampler2D data, int kind, int place) {
+  int count = bands * bands;
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < count; k++) {
+    vec3 light = texelFetch(lights, ivec2(k, 0), 0).rgb;
+    int i = place * count + k;
+    if (kind == 0) sum += number(data, i) * light;
+    else sum += vec3(number(data, 3 * i), number(data, 3 * i + 1), number(data, 3 * i + 2)) * light;
+  }
+  return sum;
+}
+
+float coefficient(int place) {
+  int i = place * bands * bands + chosen;
+  if (kindA == 0) return number(dataA, i);
+  return (number(dataA, 3 * i) + number(dataA, 3 * i + 1) + number(dataA, 3 * i + 2)) / 3.0;
+}
+
+vec3 radiance(sampler2D data, int kind, int place);
+
+vec3 shown(int place) {
+  if (show == 0) return scale * radiance(dataA, kindA, place);
+  if (show == 1) return scale * vec3(dot(radiance(dataA, kindA, place) - radiance(dataB, kindB, place), vec3(1.0 / 3.0)));
+  if (show == 2) return scale * vec3(coefficient(place));
+  return scale * vec3(number(scalars, place));
+}
+`;
+
+export const VERTEX = /* glsl */ `
+${SHADING}
+in vec3 position;
+in vec3 normal;
+uniform mat4 clip;
+uniform vec3 eye;
+uniform float factors[10];
+out vec3 value;
 
 void lobe(vec3 d, out float values[100]) {
   float cosine = 1.0, sine = 0.0, sectoral = 0.28209479177387814;
@@ -53,18 +85,6 @@ void lobe(vec3 d, out float values[100]) {
   }
 }
 
-vec3 diffuse(sampler2D data, int kind) {
-  int count = bands * bands;
-  vec3 sum = vec3(0.0);
-  for (int k = 0; k < count; k++) {
-    vec3 light = texelFetch(lights, ivec2(k, 0), 0).rgb;
-    int i = gl_VertexID * count + k;
-    if (kind == 0) sum += number(data, i) * light;
-    else sum += vec3(number(data, 3 * i), number(data, 3 * i + 1), number(data, 3 * i + 2)) * light;
-  }
-  return sum;
-}
-
 vec3 specular(sampler2D data, int kind) {
   float values[100];
   vec3 toward = normalize(eye - position);
@@ -89,23 +109,59 @@ vec3 specular(sampler2D data, int kind) {
   return sum;
 }
 
-vec3 radiance(sampler2D data, int kind) {
-  return glossy ? specular(data, kind) : diffuse(data, kind);
-}
-
-float coefficient() {
-  int i = gl_VertexID * bands * bands + chosen;
-  if (kindA == 0) return number(dataA, i);
-  return (number(dataA, 3 * i) + number(dataA, 3 * i + 1) + number(dataA, 3 * i + 2)) / 3.0;
+vec3 radiance(sampler2D data, int kind, int place) {
+  return glossy ? specular(data, kind) : diffuse(data, kind, place);
 }
 
 void main() {
-  if (show == 0) value = radiance(dataA, kindA);
-  else if (show == 1) value = vec3(dot(radiance(dataA, kindA) - radiance(dataB, kindB), vec3(1.0 / 3.0)));
-  else if (show == 2) value = vec3(coefficient());
-  else value = vec3(number(scalars, gl_VertexID));
-  value *= scale;
+  value = shown(gl_VertexID);
   gl_Position = clip * vec4(position, 1.0);
+}
+`;
+
+/** What every texel shows, row 0 of the texture in row 0 of the target. */
+export const TEXELS = /* glsl */ `
+${SHADING}
+uniform int side;
+out vec4 color;
+
+vec3 radiance(sampler2D data, int kind, int place) {
+  return diffuse(data, kind, place);
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  color = vec4(shown(at.y * side + at.x), 1.0);
+}
+`;
+
+export const TEXTURED_VERTEX = /* glsl */ `
+precision highp float;
+in vec3 position;
+in vec2 uv;
+uniform mat4 clip;
+out vec2 where;
+void main() {
+  where = uv;
+  gl_Position = clip * vec4(position, 1.0);
+}
+`;
+
+export const TEXTURED = /* glsl */ `
+precision highp float;
+precision highp sampler2D;
+in vec2 where;
+uniform sampler2D texels;
+out vec4 color;
+void main() {
+  int last = textureSize(texels, 0).x - 1;
+  vec2 place = clamp(where * float(last + 1) - 0.5, 0.0, float(last));
+  ivec2 first = ivec2(place);
+  ivec2 next = min(first + 1, last);
+  vec2 part = place - vec2(first);
+  vec3 above = mix(texelFetch(texels, first, 0).rgb, texelFetch(texels, ivec2(next.x, first.y), 0).rgb, part.x);
+  vec3 below = mix(texelFetch(texels, ivec2(first.x, next.y), 0).rgb, texelFetch(texels, next, 0).rgb, part.x);
+  color = vec4(mix(above, below, part.y), 1.0);
 }
 `;
 

@@ -8,8 +8,37 @@ import { basis, bandsOf } from "./sh.js";
 /** What a data texture holds, as the shader counts. */
 export const [GREY, COLOURED, VISIBILITY, MATRICES] = [0, 1, 2, 3];
 
-/** The mesh of a transfer file: { frames, count, vertices, normals, faces, used }. Throws Error with one line. */
-export function readMesh({ arrays, metadata }) {
+/**
+ * The mesh of a transfer file: { frames, count, places, normals, faces, used, names }. Transfer in a texture belongs to
+ * corners of faces: then every corner is a vertex of its own, with `uv`, and `side` counts the texels along a side.
+ * `names` are the vertices' numbers in the file. Throws Error with one line.
+ */
+export function readMesh(file) {
+  const mesh = readVertices(file);
+  const { texture, uv } = file.arrays;
+  if (!texture) return mesh;
+  if (!uv || uv.data.length !== 2 * mesh.faces.length || texture.shape[0] !== texture.shape[1])
+    throw new Error("its texture or texture coordinates do not fit its faces");
+  return { ...atCorners(mesh), uv: floats(uv), side: texture.shape[0] };
+}
+
+function atCorners(mesh) {
+  const corners = mesh.faces;
+  const spread = (data) =>
+    data.constructor.from({ length: 3 * corners.length }, (_, i) => data[3 * corners[Math.floor(i / 3)] + (i % 3)]);
+  const all = Uint32Array.from(corners.keys());
+  return {
+    ...mesh,
+    count: corners.length,
+    places: { ...mesh.places, data: spread(mesh.places.data) },
+    normals: spread(mesh.normals),
+    faces: all,
+    used: all,
+    names: corners,
+  };
+}
+
+function readVertices({ arrays, metadata }) {
   const faces = need(arrays, "faces", 2);
   const places = arrays.vertices ?? arrays.verts;
   if (!places) throw new Error("it has no vertices");
@@ -28,6 +57,9 @@ export function readMesh({ arrays, metadata }) {
     faces: Uint32Array.from(faces.data),
     used: Uint32Array.from(used.keys()).filter((vertex) => used[vertex]),
     normals: arrays.normals?.shape.length === 2 ? floats(arrays.normals) : new Float32Array(3 * count),
+    names: Uint32Array.from({ length: count }, (_, vertex) => vertex),
+    uv: null,
+    side: 0,
     grid: metadata.grid ?? null,
     box: { center: [0, 0, 0], size: 1 },
   };
@@ -53,26 +85,31 @@ export function positions({ places, count, frames, grid, box }, frame) {
 
 /** A method from a transfer file or one of the page's own. Throws Error with one line. */
 export function readMethod({ arrays }, name, mesh) {
-  const found = arrays.coefficients;
+  const found = mesh.side ? inRows(arrays.texture) : arrays.coefficients;
   if (!found) throw new Error("it has no coefficients: bake or predict a transfer");
+  const rows = mesh.side ** 2 || mesh.count;
   const coloured = found.shape.at(-1) === 3 && found.shape.length > 2;
   const inner = found.shape.slice(coloured ? -3 : -2);
   const frames = found.shape.length > inner.length ? found.shape[0] : 1;
   const bands = bandsOf(inner[1]);
-  if (found.shape.length > inner.length + 1 || !bands || inner[0] !== mesh.count) {
-    throw new Error(
-      `its coefficients have shape (${found.shape.join(", ")}), which does not fit ${mesh.count} vertices`,
-    );
+  if (found.shape.length > inner.length + 1 || !bands || inner[0] !== rows) {
+    const fitting = `${rows} ${mesh.side ? "texels" : "vertices"}`;
+    throw new Error(`its coefficients have shape (${found.shape.join(", ")}), which does not fit ${fitting}`);
   }
   if (mesh.frames > 1 && frames > 1 && mesh.frames !== frames)
     throw new Error("its frames do not fit those of the mesh");
   const method = { name, bands, frames, coefficients: found, coloured, errors: {}, limits: {}, gloss: null };
   for (const error of ["standard_error", "predicted_error"]) {
-    if (arrays[error]) method.errors[error] = rootMeanSquare(floats(arrays[error]), mesh.count);
+    if (arrays[error]) method.errors[error] = rootMeanSquare(floats(arrays[error]), rows);
   }
   const gloss = arrays.visibility ?? arrays.matrices;
   if (gloss && frames === 1) method.gloss = { kind: arrays.visibility ? VISIBILITY : MATRICES, array: gloss };
   return method;
+}
+
+/** Texels one after the other, as vertices are. */
+function inRows(texture) {
+  return { ...texture, shape: [texture.shape[0] * texture.shape[1], ...texture.shape.slice(2)] };
 }
 
 /** The closed form without shadows, (A_l / pi) Y_k(n), and the hemisphere of each normal for gloss. */

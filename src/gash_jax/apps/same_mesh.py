@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import Transfer
 
 MOVED = 1e-6  # of the mesh's size: further apart, two vertices are not the same
 
 
-def check_same_mesh(transfer: Transfer, reference: Transfer) -> None:
+def check_same_mesh(transfer: Transfer | TransferTexture, reference: Transfer | TransferTexture) -> None:
     """Raise ValueError unless both are of the same mesh and have the same number of bands."""
     same_faces = transfer.faces.shape == reference.faces.shape and np.array_equal(transfer.faces, reference.faces)
     if transfer.vertices.shape != reference.vertices.shape or not same_faces:

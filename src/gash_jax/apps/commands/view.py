@@ -10,12 +10,14 @@ from gash_jax.apps.options import PATH, Command, check_layout, layout_option, qu
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.viewer.contents import PageFile, map_file, own_lights
-from gash_jax.apps.viewer.moving import Moving, read_moving
-from gash_jax.apps.viewer.page import make_page
+from gash_jax.apps.viewer.moving import read_moving
+from gash_jax.apps.viewer.page import Shown, make_page
 from gash_jax.files.atomic import FileError, check_writable
+from gash_jax.files.npz import names_in_npz
 from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.transfer import Transfer, load_transfer
+from gash_jax.prt.texture import load_texture
+from gash_jax.prt.transfer import load_transfer
 
 RAYS, MODEL = 256, "local"  # of a mesh that comes without its transfer
 
@@ -36,15 +38,15 @@ def view(
     quiet: bool,
 ) -> None:
     """Write a page that shows transfer under light: turn both, compare results, see errors. FILE is a transfer (.npz),
-    the transfer of an animation's frames (.npz), or a mesh, which is baked and predicted first; several FILEs are
-    results for one mesh."""
+    a transfer texture (.npz), the transfer of an animation's frames (.npz), or a mesh, which is baked and predicted
+    first; several FILEs are results for one mesh."""
     check_layout(layout, lights[0] if lights else None)
     if output is not None:
         check_writable(output, [*lights, *(source for file in files for source in mesh_files(file))])
-    results: dict[str, Transfer | Moving] = {}
+    results: dict[str, Shown] = {}
     for file in files:
         results |= _results(file, up, quiet)
-    page = make_page(files[0].stem, results, _lights(lights, layout, next(iter(results.values())), quiet))
+    page = make_page(files[0].stem, results, _lights(lights, layout, next(iter(results.values())).bands, quiet))
     target = output or Path(tempfile.mkdtemp(prefix="gash-view-")) / f"{files[0].stem}.html"
     page.save(target)
     say(f"wrote {target} ({len(page.html) / 2**20:.1f} MiB)", quiet)
@@ -52,9 +54,11 @@ def view(
         raise FileError(f"no browser could be opened: open {target} yourself, or name a file with -o")
 
 
-def _results(path: Path, up: str, quiet: bool) -> dict[str, Transfer | Moving]:
+def _results(path: Path, up: str, quiet: bool) -> dict[str, Shown]:
     """What a file has to show, by names."""
     if path.suffix.lower() == ".npz":
+        if "texture" in names_in_npz(path):
+            return {path.name: load_texture(path)}
         moving = read_moving(path)
         return {path.name: load_transfer(path) if moving is None else moving}
     mesh, health = read_mesh(path, up)
@@ -68,8 +72,7 @@ def _results(path: Path, up: str, quiet: bool) -> dict[str, Transfer | Moving]:
     return {path.name: baked, f"{path.name}, {MODEL}": load_model(MODEL).predict(mesh)}
 
 
-def _lights(paths: tuple[Path, ...], layout: str | None, shown: Transfer | Moving, quiet: bool) -> list[PageFile]:
-    bands = round(shown.coefficients.shape[1 if isinstance(shown, Transfer) else 2] ** 0.5)
+def _lights(paths: tuple[Path, ...], layout: str | None, bands: int, quiet: bool) -> list[PageFile]:
     found = []
     for path in paths:
         with progress_bar(f"projecting {path.name}", quiet) as update:

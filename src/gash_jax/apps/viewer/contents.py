@@ -1,7 +1,8 @@
 """What a page holds: small npz files, one for each result and each light, as the page's own script reads them.
 
 A *result* is what a transfer file holds, less what the page does not draw; the first one brings the mesh. Coefficients
-stay in float32 (frames of an animation in float16), error bars and glossy transfer are in float16. A *light* is
+stay in float32 (frames of an animation and textures in float16), error bars and glossy transfer are in float16. A
+*light* is
 `coefficients` (k, 3), and of a latlong map also `map` (h, w, 3) in float16, at most `WIDEST` pixels wide, to be seen
 behind the mesh.
 """
@@ -21,6 +22,7 @@ from gash_jax.light.environment import LightLike, light_coefficients, load_light
 from gash_jax.light.layouts import layout_of
 from gash_jax.light.studio import studio_light
 from gash_jax.measure.reference import REFERENCE_RAYS
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import ERRORS, GLOSSY, Transfer
 
 WIDEST = 512  # pixels of a map that is seen
@@ -48,15 +50,26 @@ def still_file(transfer: Transfer, name: str, *, mesh: bool) -> PageFile:
     for key in (*ERRORS, *GLOSSY):
         if getattr(transfer, key) is not None:
             arrays[key] = as_half(np.asarray(getattr(transfer, key)))
+    return _with_mesh(PageFile("transfer", name, arrays), transfer) if mesh else PageFile("transfer", name, arrays)
+
+
+def texture_file(texture: TransferTexture, name: str, *, mesh: bool) -> PageFile:
+    """The page's file of a transfer texture, with its mesh or without."""
+    arrays = {"texture": as_half(texture.texture)}
+    if texture.standard_error is not None:
+        arrays["standard_error"] = as_half(texture.standard_error)
     if not mesh:
         return PageFile("transfer", name, arrays)
-    places = {key: np.asarray(getattr(transfer, key), np.float32) for key in ("vertices", "normals")}
-    arrays = {**arrays, **places, "faces": np.asarray(transfer.faces, np.int32)}
-    return PageFile("transfer", name, arrays, {"notes": [_counted(len(transfer.vertices), len(transfer.faces))]})
+    size = len(texture.coverage)
+    file = PageFile("transfer", name, {**arrays, "uv": texture.uv.astype(np.float32)})
+    return _with_mesh(file, texture, f", {size} x {size} texels")
 
 
-def _counted(vertices: int, faces: int) -> str:
-    return f"{vertices} vertices, {faces} faces"
+def _with_mesh(file: PageFile, shown: Transfer | TransferTexture, more: str = "") -> PageFile:
+    places = {key: np.asarray(getattr(shown, key), np.float32) for key in ("vertices", "normals")}
+    arrays = {**file.arrays, **places, "faces": np.asarray(shown.faces, np.int32)}
+    counted = f"{len(shown.vertices)} vertices, {len(shown.faces)} faces{more}"
+    return PageFile(file.kind, file.name, arrays, {"notes": [counted]})
 
 
 def result_name(metadata: Mapping[str, Any]) -> str:
@@ -64,11 +77,12 @@ def result_name(metadata: Mapping[str, Any]) -> str:
     method, parameters = metadata.get("method"), metadata.get("parameters") or {}
     if method == "predict":
         return f"prediction, network {parameters.get('model', {}).get('name', '')}".strip()
-    if method != "bake":
+    if method not in ("bake", "bake texture"):
         return str(method or "transfer")
     rays, bounces = parameters.get("rays"), parameters.get("bounces")
-    name = "bake" if not rays else f"{'reference' if rays >= REFERENCE_RAYS else 'bake'}, {rays} rays a vertex"
-    return f"{name}, {bounces} bounces" if bounces else name
+    each = "texel" if "texture" in metadata else "vertex"
+    name = "bake" if not rays else f"{'reference' if rays >= REFERENCE_RAYS else 'bake'}, {rays} rays a {each}"
+    return f"{name}, {bounces} bounce{'s' * (bounces > 1)}" if bounces else name
 
 
 def distinct(names: Sequence[str], files: Sequence[str]) -> list[str]:

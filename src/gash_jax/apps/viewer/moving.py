@@ -32,6 +32,11 @@ class Moving(NamedTuple):
     metadata: dict[str, Any]
 
     @property
+    def bands(self) -> int:
+        """Bands B of the B² coefficients."""
+        return bands_of(self.coefficients.shape[2])
+
+    @property
     def frame_size(self) -> int:
         """Bytes of a frame on a page."""
         positions = 6 * self.vertices.shape[1] if len(self.vertices) > 1 else 0
@@ -44,13 +49,15 @@ def read_moving(path: Path) -> Moving | None:
     Raises FileError, one line, where the arrays do not fit together.
     """
     arrays = open_npz(path, "transfer")
-    found = arrays.get("coefficients")
+    found, motion = arrays.get("coefficients"), arrays.get("vertices", arrays.get("verts"))
+    if found is None and motion is not None and motion.ndim == 3:
+        raise FileError(f"{path} has vertices of {len(motion)} frames, but no transfer: run gash animate on it first")
     if found is None or found.ndim < 3 or (found.ndim == 3 and found.shape[-1] == 3):
         return None
-    places, faces = arrays.get("vertices", arrays.get("verts")), arrays.get("faces")
-    if places is None or faces is None:
+    faces = arrays.get("faces")
+    if motion is None or faces is None:
         raise FileError(f"{path} has transfer of {len(found)} frames, but no vertices or faces: write it with both")
-    vertices = places[None] if places.ndim == 2 else places
+    vertices = motion[None] if motion.ndim == 2 else motion
     _check(path, found, vertices, faces)
     try:
         metadata = json.loads(str(arrays["metadata"])) if "metadata" in arrays else {}

@@ -19,12 +19,22 @@ import numpy as np
 
 from gash_jax.apps.pictures.render import drawn_mesh
 from gash_jax.apps.same_mesh import check_same_mesh
-from gash_jax.apps.viewer.contents import PageFile, distinct, light_file, own_lights, result_name, still_file
+from gash_jax.apps.viewer.contents import (
+    PageFile,
+    distinct,
+    light_file,
+    own_lights,
+    result_name,
+    still_file,
+    texture_file,
+)
 from gash_jax.apps.viewer.moving import Moving, moving_file
 from gash_jax.files.atomic import FileError, write_text
 from gash_jax.light.environment import LightLike, light_coefficients
+from gash_jax.prt.texture import TransferTexture
 from gash_jax.prt.transfer import Transfer
 
+Shown = Transfer | TransferTexture | Moving  # what a page can show
 LARGEST = 50 << 20
 _HEIGHT = 560  # pixels in a notebook
 
@@ -48,13 +58,16 @@ class Page:
         return f'<iframe srcdoc="{text}" style="width: 100%; height: {_HEIGHT}px; border: 0"></iframe>'
 
 
-def view(transfer: Transfer | Mapping[str, Transfer], light: LightLike | Mapping[str, LightLike] | None = None) -> Page:
+def view(
+    transfer: Transfer | TransferTexture | Mapping[str, Transfer | TransferTexture],
+    light: LightLike | Mapping[str, LightLike] | None = None,
+) -> Page:
     """A page to look at transfer: turn it, turn the light, see errors and coefficients; inline in a notebook.
 
-    Several transfers of one mesh, by the names that the page shows, can be switched and subtracted; the closed form is
-    there by itself. Of `light`, one or several by name, the page shows those bands that the transfer has; None gives a
-    generated studio. Raises ValueError for transfers of different meshes, for a light with too few bands, and for what
-    does not fit on a page.
+    Several transfers of one mesh, by the names that the page shows, can be switched and subtracted; beside transfer at
+    vertices the closed form is there by itself. Of `light`, one or several by name, the page shows those bands that the
+    transfer has; None gives a generated studio. Raises ValueError for transfers of different meshes, for a light with
+    too few bands, and for what does not fit on a page.
 
     >>> transfer = gash_jax.bake_transfer("bunny.ply", rays=64)
     >>> page = gash_jax.view(transfer, gash_jax.load_light("studio.hdr"))
@@ -63,7 +76,8 @@ def view(transfer: Transfer | Mapping[str, Transfer], light: LightLike | Mapping
     """
     named = transfer if isinstance(transfer, Mapping) else {"": transfer}
     for value in named.values():
-        drawn_mesh(value)
+        if not isinstance(value, TransferTexture):
+            drawn_mesh(value)
     if not named:
         raise ValueError("there is nothing to show: give a Transfer, or several by name")
     bands = next(iter(named.values())).bands
@@ -75,7 +89,7 @@ def view(transfer: Transfer | Mapping[str, Transfer], light: LightLike | Mapping
     return make_page("gash_jax", {str(name): value for name, value in named.items()}, lights or own_lights())
 
 
-def make_page(title: str, results: Mapping[str, Transfer | Moving], lights: Sequence[PageFile]) -> Page:
+def make_page(title: str, results: Mapping[str, Shown], lights: Sequence[PageFile]) -> Page:
     """A page of results by the names of their files. Raises ValueError where they are not of one mesh or too large."""
     found = list(results.values())
     for other in found[1:]:
@@ -84,21 +98,29 @@ def make_page(title: str, results: Mapping[str, Transfer | Moving], lights: Sequ
     return Page(_assembled(title, [*_files(names, found), *lights]))
 
 
-def _check_together(first: Transfer | Moving, other: Transfer | Moving) -> None:
+def _check_together(first: Shown, other: Shown) -> None:
     if isinstance(first, Transfer) and isinstance(other, Transfer):
         check_same_mesh(other, first)
+    elif isinstance(first, TransferTexture) and isinstance(other, TransferTexture):
+        if first.texture.shape[:3] != other.texture.shape[:3] or not np.array_equal(first.uv, other.uv):
+            raise ValueError("the textures have other sizes, coordinates or bands: show them on two pages")
+        check_same_mesh(other, first)
+    elif isinstance(first, TransferTexture) or isinstance(other, TransferTexture):
+        raise ValueError("one file holds a texture, another one does not: show them on two pages")
     elif isinstance(first, Transfer) or isinstance(other, Transfer):
         raise ValueError("one file holds an animation, another one does not: show them on two pages")
     elif first.coefficients.shape[:3] != other.coefficients.shape[:3] or not np.array_equal(first.faces, other.faces):
         raise ValueError("the animations have other frames, meshes or bands: show them on two pages")
 
 
-def _files(names: Sequence[str], found: Sequence[Transfer | Moving]) -> list[PageFile]:
+def _files(names: Sequence[str], found: Sequence[Shown]) -> list[PageFile]:
     files = []
     size = sum(one.frame_size for one in found if isinstance(one, Moving))
     for i, (name, one) in enumerate(zip(names, found, strict=True)):
         if isinstance(one, Transfer):
             files.append(still_file(one, name, mesh=i == 0))
+        elif isinstance(one, TransferTexture):
+            files.append(texture_file(one, name, mesh=i == 0))
         else:
             frames = kept_frames(len(one.coefficients), size)
             files.append(moving_file(one, name, frames, mesh=i == 0))
