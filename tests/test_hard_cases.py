@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from experiments.hard_cases import directions, meshes, run
-from experiments.hard_cases.cases import CASES, Case, judge
+from experiments.hard_cases.case import Case, judge
+from experiments.hard_cases.cases import CASES
 from gash_jax.algebra import motors
 from gash_jax.prt import rays
 

@@ -1,73 +1,13 @@
-"""The hard cases: what each one measures, and the bound that it must keep or the words in which it is refused.
+"""The hard cases that have an answer: what each one measures, and its bound; those that are refused follow."""
 
-A case with a number as bound passes if what it measures is not above it (nan never passes). A case with a text as
-bound passes if the input is refused by a ValueError of exactly this text. Bounds in units of U = 2^-24, the rounding
-of float32, follow from the number of operations; those that are not say in `why` where they come from.
-"""
-
-from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
-from experiments.hard_cases import bounces, directions, gloss, meshes
-from gash_jax.algebra.sh import validate_bands
-from gash_jax.geometry.health import prepare_mesh
-from gash_jax.light.brdf import phong
-from gash_jax.light.environment import project_map
-from gash_jax.light.shading import shade
+from experiments.hard_cases import bounces, directions, gloss, lights, meshes, textures
+from experiments.hard_cases.case import Case, U
+from experiments.hard_cases.refusals import REFUSALS
 
-U = 2.0**-24
-
-
-class Case(NamedTuple):
-    """One hard case."""
-
-    name: str
-    measured: str
-    bound: float | str
-    run: Callable[[], object]  # -> (measured, what the user is told); what a refused case returns does not matter
-    why: str = "rounding"
-    slow: bool = False  # run by the script alone: a mesh of that size, a compilation of that length
-
-
-class Result(NamedTuple):
-    """What came out: the number, or the text of the refusal."""
-
-    name: str
-    measured: str
-    value: float | str
-    bound: float | str
-    why: str
-    passed: bool
-    told: str
-
-
-def judge(case: Case) -> Result:
-    """Run a case and hold the outcome against its bound; an error other than a refusal is the caller's."""
-    head, why = case[:2], case.why
-    if isinstance(case.bound, str):
-        try:
-            case.run()
-        except ValueError as error:
-            return Result(*head, str(error), case.bound, "refused", str(error) == case.bound, "the error, one line")
-        return Result(*head, "accepted", case.bound, "refused", False, "nothing")
-    value, told = case.run()  # type: ignore[misc]
-    return Result(*head, value, case.bound, why, bool(value <= case.bound), told)
-
-
-def _mesh(vertices: object, faces: object) -> Callable[[], object]:
-    return lambda: prepare_mesh(np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, int).reshape(-1, 3))
-
-
-def _pixel(value: float) -> Callable[[], object]:
-    image = np.ones((8, 16, 3), np.float32)
-    image[3, 5] = value
-    return lambda: project_map(image, 3)
-
-
-TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 FREE = "transfer - closed form"
 SAME = "transfer - that of the clean mesh"
 HALF = "float16"
@@ -218,6 +158,38 @@ CASES = [
             (10, "Lanczos", True, 0.06),
         )
     ),
+    *(
+        Case(
+            f"1e4 in one pixel, {bands} bands, shadows, window: radiance",
+            "most negative / greatest radiance",
+            1e-6,
+            partial(lights.sun_of_one_pixel, bands),
+            "the window's own, for the mean over a vertex's rays",
+            slow=bands == 10,
+        )
+        for bands in (3, 10)
+    ),
+    Case("black light, every window", "radiance; factors of the least windows - 1", 0.0, lights.black),
+    *(
+        Case(
+            f"a map of {2 * height} x {height}, radiance 1",
+            "coefficients - 2 sqrt(pi), 0, 0, ...",
+            0.35 * (np.pi / height) ** 2 + 16 * U,
+            partial(lights.map_of, 2 * height),
+            "the light of a pixel comes from its middle: 0.33 (pi/H)² in l = 2 at H rows",
+            slow=height == 8192,
+        )
+        for height in (4, 8192)
+    ),
+    Case("texture coordinates one tile beside 0 to 1", "texture - that within", 0.0, textures.beside_the_tile),
+    Case("texture coordinates turned over", FREE, 2.0**-11, textures.turned_over, HALF),
+    Case(
+        "every edge a seam, few texels a face",
+        "largest seam jump at points / largest coefficient",
+        2.0**-10,
+        textures.seams_everywhere,
+        "float16 on both sides",
+    ),
     Case("bounces, albedo 0", "coefficients - direct bake", 0.0, bounces.black_walls),
     Case("50 bounces, albedo 1", "irradiance / pi above 1", 1e-6, bounces.white_walls, "rounding of 50 sums"),
     Case("bounces, black light", "radiance", 0.0, bounces.black_light),
@@ -240,61 +212,5 @@ CASES = [
     Case("gloss, a vertex without a normal", "radiance", 0.0, gloss.no_normal),
     Case("gloss, 10 bands", "visibility in 19 bands - hemisphere", 2.0**-11, gloss.ten_bands, HALF, slow=True),
     Case("gloss, a million vertices", "planned bytes, relative", 1e-3, gloss.million_vertices, "metadata", slow=True),
-    Case(
-        "no faces",
-        "refusal",
-        "the mesh has no faces: point clouds and curves cannot be baked, give a triangle mesh",
-        _mesh(TRIANGLE, []),
-    ),
-    Case(
-        "all vertices in one point",
-        "refusal",
-        "all faces lie in one point: the mesh has no size; check its coordinates and units",
-        _mesh(np.ones((3, 3)), [[0, 1, 2]]),
-    ),
-    Case(
-        "a vertex that is not finite",
-        "refusal",
-        "1 of 3 vertices are not finite (first: 1): repair or remove them in the program that wrote the mesh",
-        _mesh([[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
-    ),
-    Case(
-        "coordinates beyond float32",
-        "refusal",
-        "1 of 3 vertices are not finite (first: 2): repair or remove them in the program that wrote the mesh",
-        _mesh([[0, 0, 0], [1, 0, 0], [0, 1e39, 0]], [[0, 1, 2]]),
-    ),
-    Case(
-        "a face of a vertex that does not exist",
-        "refusal",
-        "1 of 1 faces name a vertex that does not exist (first: face 0 [0, 1, 3], the mesh has 3 vertices from 0): "
-        "export the mesh again",
-        _mesh(TRIANGLE, [[0, 1, 3]]),
-    ),
-    Case("11 bands", "refusal", "bands is 11: use a whole number from 1 to 10", lambda: validate_bands(11)),
-    Case(
-        "a pixel that is infinite",
-        "refusal",
-        "the environment map holds values that are not finite: repair these pixels first",
-        _pixel(np.inf),
-    ),
-    Case(
-        "a light of fewer bands than the transfer",
-        "refusal",
-        "the light has 4 coefficients, the transfer 9: project the light again with 3 bands",
-        lambda: shade(np.zeros((1, 9), np.float32), np.zeros((4, 3), np.float32)),
-    ),
-    Case(
-        "gloss of a bake without visibility",
-        "refusal",
-        "the transfer has no visibility to make gloss of: bake it with glossy=True (gash bake --glossy)",
-        gloss.without_visibility,
-    ),
-    Case(
-        "albedo above 1",
-        "refusal",
-        "1 of 1 albedos are not from 0 to 1 (first: 1.2): no surface sends back more light than it receives",
-        bounces.brighter_than_white,
-    ),
-    Case("exponent below 0", "refusal", "exponent is -1: use a number of 0 or more", lambda: phong(-1)),
+    *REFUSALS,
 ]

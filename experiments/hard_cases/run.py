@@ -9,7 +9,8 @@ import time
 from pathlib import Path
 
 from benchmarks.options import options, saved
-from experiments.hard_cases.cases import CASES, Result, judge
+from experiments.hard_cases.case import Result, judge
+from experiments.hard_cases.cases import CASES
 from gash_jax.measure.provenance import provenance
 
 
