@@ -44,7 +44,7 @@ class DataConfig:
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
     validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
-    animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for momo-prt and deform")
+    animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for the models of one")
     poses: str = setting(
         "auto", "random weights of the shapes, or the frames of the file; auto: random for blendshapes", choices=POSES
     )
