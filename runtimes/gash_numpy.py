@@ -764,6 +764,8 @@ def load_deforming(path: str) -> Model:
         raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
     if metadata.get("format") != "gash-deforming-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is no model of an object that deforms, version 1")
+    if metadata["model"]["name"] not in ("momo-prt", "deform"):
+        raise ValueError(f"{path} is a {metadata['model']['name']}, which gash_jax alone can run: use gash animate")
     return Model(metadata["model"], {name: array.astype(np.float32) for name, array in arrays.items()})
 
 

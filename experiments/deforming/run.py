@@ -76,8 +76,9 @@ def floors(training: Float[np.ndarray, "t v k"], test: Truth, ranges: np.ndarray
 
 def fitted(config: RunConfig, poses: TrainingPoses) -> tuple[dict[str, Any], float]:
     """Arrays of a model, and the CPU seconds of its fit."""
-    started = time.process_time()
-    return DEFORMING[config.model.name].fit(config.model, poses), time.process_time() - started
+    started, fit = time.process_time(), DEFORMING[config.model.name].fit
+    assert fit is not None
+    return fit(config.model, poses), time.process_time() - started
 
 
 def model_row(

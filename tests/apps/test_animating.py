@@ -77,6 +77,15 @@ def test_frames_of_a_file_are_split_in_time(folder: Path) -> None:
     assert len(load_deforming_model(folder / "recorded").arrays["middle"]) == 4  # of 8 frames of 4 shapes
 
 
+def test_a_network_over_images_is_trained_and_used(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    small = ("model.size=16", "model.levels=2", "model.channels=2", "train.steps=3", *SHORT)
+    run("train", "deep-prt-small", f"data.animation={folder / 'bumps.npz'}", "-o", folder / "images", *small)
+    assert json.loads((folder / "images" / "scores.json").read_text())["test_frames"] == 2
+    run("animate", folder / "frames.npz", "-o", folder / "drawn.npz", "--model", folder / "images")
+    assert "ms a frame" in capsys.readouterr().out
+    assert read_npz(folder / "drawn.npz", "transfer", ())[1]["method"] == "deep-prt"
+
+
 def test_a_pose_outside_is_said(folder: Path, capsys: pytest.CaptureFixture) -> None:
     shapes = dict(np.load(folder / "bumps.npz"))
     np.savez(folder / "wild.npz", **shapes, parameters=np.array([[0.5, 0, 0, 0], [9, 9, 9, 9]]))

@@ -1,6 +1,7 @@
 """Every model of one object that deforms: what it fits, what it says of poses, its file."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import jax
@@ -22,6 +23,8 @@ from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
+from gash_jax.train.config import RunConfig, TrainConfig
+from gash_jax.train.image_training import fit_deep_prt
 from runtimes import gash_numpy
 from tests.helpers.bumpy import random_rotation
 
@@ -32,7 +35,11 @@ NORMALS = np.stack([mesh.normals for mesh in posed_meshes(MOVING)])
 BARE = np.stack([np.asarray(unshadowed_transfer(normals, 3)) for normals in NORMALS])
 PUSH = np.random.default_rng(1).normal(size=(4, COUNT, 9))
 LINEAR = 0.2 + np.tensordot(MOVING.parameters, 0.05 * PUSH, axes=1)  # linear in the weights
-CONFIGS = {"momo-prt": {"rank": 4}, "deform": {"rank": 9, "patches": 6}}
+CONFIGS = {
+    "momo-prt": {"rank": 4},
+    "deform": {"rank": 9, "patches": 6},
+    "deep-prt": {"size": 16, "channels": 2, "levels": 2},
+}
 
 
 def config_of(name: str) -> Any:
@@ -40,8 +47,13 @@ def config_of(name: str) -> Any:
 
 
 def fitted(name: str, coefficients: np.ndarray) -> DeformingModel:
-    config = config_of(name)
-    arrays = DEFORMING[name].fit(config, TrainingPoses(MOVING, [coefficients.astype(np.float16)]))
+    config, fit = config_of(name), DEFORMING[name].fit
+    poses = TrainingPoses(MOVING, [coefficients.astype(np.float16)])
+    if fit:
+        return DeformingModel(config, fit(config, poses), MESH, {"name": "toy"})
+    run = RunConfig("toy", config, train=TrainConfig(steps=2))
+    with TemporaryDirectory() as folder:
+        arrays = fit_deep_prt(run, poses, Path(folder), lambda part: None)
     return DeformingModel(config, arrays, MESH, {"name": "toy"})
 
 
@@ -70,9 +82,10 @@ def test_deform_has_the_closed_form_exactly_in_every_pose() -> None:
 def test_it_is_a_function_that_jax_can_turn(model: DeformingModel) -> None:
     pose = model.pose(MOVING.frame(3))
     held = {name: jnp.asarray(array) for name, array in model.arrays.items()}
-    found = DEFORMING[model.config.name].predict(held, jnp.asarray(pose.vertices), jnp.asarray(pose.normals))
+    predict = DEFORMING[model.config.name].predict
+    found = predict(model.config, held, jnp.asarray(pose.vertices), jnp.asarray(pose.normals))
     np.testing.assert_allclose(model(MOVING.frame(3)), found, atol=1e-5)
-    slope = jax.grad(lambda p: DEFORMING[model.config.name].predict(held, p, jnp.asarray(pose.normals)).sum())
+    slope = jax.grad(lambda p: predict(model.config, held, p, jnp.asarray(pose.normals)).sum())
     assert np.isfinite(slope(jnp.asarray(pose.vertices))).all()
 
 
@@ -105,6 +118,10 @@ def test_its_file_gives_it_back(model: DeformingModel, tmp_path: Path) -> None:
 
 def test_the_numpy_runtime_says_the_same(model: DeformingModel, tmp_path: Path) -> None:
     save_deforming_model(tmp_path / "model.npz", model.config, model.arrays, MESH)
+    if model.config.name == "deep-prt":
+        with pytest.raises(ValueError, match="use gash animate"):
+            gash_numpy.load_deforming(str(tmp_path / "model.npz"))
+        return
     again, read = load_deforming_model(tmp_path), gash_numpy.load_deforming(str(tmp_path / "model.npz"))
     pose = again.pose(MOVING.frame(9))
     found = gash_numpy.predict_pose(read, pose.vertices, pose.normals)
@@ -122,13 +139,14 @@ def test_files_that_are_no_such_model_are_refused(model: DeformingModel, tmp_pat
     save_model(path, model_config("mlp"), {"a": np.zeros(2)})
     with pytest.raises(FileError, match="no model of an object that deforms"):
         load_deforming_model(path)
-    short = {**model.arrays, "mean": model.arrays["mean"][:-1]}
+    one = "low" if model.config.name == "deep-prt" else "mean"
+    short = {**model.arrays, one: model.arrays[one][:-1]}
     save_deforming_model(path, model.config, short, MESH)
     with pytest.raises(FileError, match="shape"):
         load_deforming_model(path)
-    del short["mean"]
+    del short[one]
     save_deforming_model(path, model.config, short, MESH)
-    with pytest.raises(FileError, match="no array 'mean'"):
+    with pytest.raises(FileError, match=f"no array '{one}'"):
         load_deforming_model(path)
 
 

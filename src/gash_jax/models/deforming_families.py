@@ -2,10 +2,12 @@
 
 A model of this table belongs to one mesh and one motion. It reads the positions and normals of a pose of that mesh and
 gives the coefficients of all its vertices. A new kind is a config, `fit` (training poses -> arrays) and `predict`
-(arrays, pose -> coefficients, a JAX function), and one entry here.
+(config, arrays, pose -> coefficients, a JAX function), and one entry here. What has no `fit` is trained step by step
+(`train.image_training`).
 
     momo-prt   pose -> coefficients by least squares (Schneider et al. 2017)
     deform     regression of each patch of the surface on the poses of what is around it, in the frames of the vertices
+    deep-prt   a U-Net over geometry images of the pose (DeepPRT)
 """
 
 from collections.abc import Callable
@@ -13,24 +15,32 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Float
 
+from gash_jax.models.deep_prt import deep_prt_shapes, predict_deep_prt
 from gash_jax.models.deform import DEFORM_SHAPES, DeformConfig, fit_deform, predict_deform
 from gash_jax.models.momo_prt import MOMO_SHAPES, MomoConfig, fit_momo, predict_momo
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
+from gash_jax.nn.unet import UNetConfig
 
 Arrays = dict[str, Any]  # float32, by name
+Shapes = dict[str, tuple[int | str, ...]]
 
 
 class DeformingFamily(NamedTuple):
     """A kind of model of one object that deforms."""
 
     config: type[ModelConfig]
-    fit: Callable[[Any, TrainingPoses], Arrays]
-    shapes: dict[str, tuple[int | str, ...]]  # of its arrays, beside those of `pose_reader`
-    predict: Callable[[Arrays, Float[Array, "v 3"], Float[Array, "v 3"]], Float[Array, "v k"]]
+    fit: Callable[[Any, TrainingPoses], Arrays] | None
+    shapes: Callable[[Any], Shapes]  # of its arrays by its config, beside those of `pose_reader`
+    predict: Callable[[Any, Arrays, Float[Array, "v 3"], Float[Array, "v 3"]], Float[Array, "v k"]]
 
 
 DEFORMING: dict[str, DeformingFamily] = {
-    "momo-prt": DeformingFamily(MomoConfig, fit_momo, MOMO_SHAPES, predict_momo),
-    "deform": DeformingFamily(DeformConfig, fit_deform, DEFORM_SHAPES, predict_deform),
+    "momo-prt": DeformingFamily(
+        MomoConfig, fit_momo, lambda config: MOMO_SHAPES, lambda config, *pose: predict_momo(*pose)
+    ),
+    "deform": DeformingFamily(
+        DeformConfig, fit_deform, lambda config: DEFORM_SHAPES, lambda config, *pose: predict_deform(*pose)
+    ),
+    "deep-prt": DeformingFamily(UNetConfig, None, deep_prt_shapes, predict_deep_prt),
 }

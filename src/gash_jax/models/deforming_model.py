@@ -5,7 +5,7 @@ config. They also hold the rest and the faces, so that a pose can be checked and
 """
 
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +32,8 @@ REST = ("rest/vertices", "rest/normals", "rest/faces")
 
 
 @cache
-def _compiled(name: str) -> Any:
-    return jax.jit(DEFORMING[name].predict)
+def _compiled(config: ModelConfig) -> Any:
+    return jax.jit(partial(DEFORMING[config.name].predict, config))
 
 
 class DeformingModel:
@@ -61,7 +61,7 @@ class DeformingModel:
 
     def coefficients(self, mesh: Mesh) -> Float[Array, "v k"]:
         """Coefficients of a pose that has its normals."""
-        return _compiled(self.config.name)(self._held, jnp.asarray(mesh.vertices), jnp.asarray(mesh.normals))
+        return _compiled(self.config)(self._held, jnp.asarray(mesh.vertices), jnp.asarray(mesh.normals))
 
     def __call__(self, positions: ArrayLike | Array) -> Float[Array, "v k"]:
         """Coefficients of all vertices of a pose."""
@@ -121,7 +121,7 @@ def load_deforming_model(name: str | Path) -> DeformingModel:
     except ConfigError as error:
         raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
     rest: dict[str, tuple[int | str, ...]] = {REST[0]: ("v", 3), REST[1]: ("v", 3), REST[2]: ("f", 3)}
-    check_arrays(path, "model", arrays, {**rest, **POSE_SHAPES, **DEFORMING[config.name].shapes})
+    check_arrays(path, "model", arrays, {**rest, **POSE_SHAPES, **DEFORMING[config.name].shapes(config)})
     vertices, normals, faces = (arrays.pop(name) for name in REST)
     mesh = Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces.astype(np.int32))
     return DeformingModel(config, arrays, mesh, metadata)

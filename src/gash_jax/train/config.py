@@ -44,7 +44,7 @@ class DataConfig:
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
     validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
-    animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for momo-prt and deform")
+    animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for the models of one")
     poses: str = setting(
         "auto", "random weights of the shapes, or the frames of the file; auto: random for blendshapes", choices=POSES
     )
@@ -85,6 +85,7 @@ class TrainConfig:
     seconds: float = setting(80.0, "budget where steps is 0", least=0)
     clock: str = setting("wall", "seconds on the wall, or CPU seconds for each core", choices=("wall", "cpu"))
     batch_vertices: int = setting(4096, "vertices of a batch", least=1)
+    batch_frames: int = setting(5, "frames of a batch, of deep-prt", least=1)
     checkpoint_every: int = setting(200, "steps between checkpoints, each with a validation", least=1)
     seed: int = setting(0, "seed of parameters, batches and dropout", least=0)
     precision: str = setting("float32", "what networks compute in", choices=("float32", "float16", "auto"))

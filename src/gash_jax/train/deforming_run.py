@@ -1,4 +1,4 @@
-"""From an animation to a model of the object that deforms: poses, ground truth, fit, test.
+"""From an animation to a model of the object that deforms: poses, ground truth, fit or training, test.
 
 A run folder holds `config.json`, `model.npz` and `scores.json`: the measures on test frames that were not trained on.
 What was baked is kept (`truth`), so a run that was interrupted goes on with the frames that are left.
@@ -22,11 +22,13 @@ from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import MovingScene, moving_scene, posed_meshes
 from gash_jax.shapes.deformations import has_random_poses, random_poses
 from gash_jax.train.config import DataConfig, RunConfig
+from gash_jax.train.image_training import fit_deep_prt
 from gash_jax.train.loop import open_folder
 from gash_jax.train.truth import Truth, bake_truth
 
 Progress = Callable[[int, int], None]
 SCORES = "scores.json"
+TRAINING = 1000  # parts of a progress bar for what is trained step by step, beside its frames
 
 
 class Split(NamedTuple):
@@ -75,12 +77,16 @@ def run_deforming(config: RunConfig, folder: Path, progress: Progress | None = N
     data, bands, split = config.data, config.model.bands, split_animation(config.data)
     open_folder(folder, config)
     first, frames = len(split.training.animation), len(split.training.animation) + len(split.test.animation)
-    report = progress or (lambda done, total: None)
-    truth = bake_truth(split.training, bands, data.rays, lambda done, _: report(done, frames + 1))
-    test = bake_truth(split.test, bands, data.test_rays, lambda done, _: report(first + done, frames + 1))
+    report, fit = progress or (lambda done, total: None), DEFORMING[config.model.name].fit
+    total = frames + (1 if fit else TRAINING)
+    truth = bake_truth(split.training, bands, data.rays, lambda done, _: report(done, total))
+    test = bake_truth(split.test, bands, data.test_rays, lambda done, _: report(first + done, total))
     started = time.process_time(), time.perf_counter()
     poses = TrainingPoses(split.training.receivers, truth.shards())
-    arrays = DEFORMING[config.model.name].fit(config.model, poses)
+    if fit:
+        arrays = fit(config.model, poses)
+    else:
+        arrays = fit_deep_prt(config, poses, folder, lambda part: report(frames + int(part * (TRAINING - 1)), total))
     taken = {"cpu": time.process_time() - started[0], "wall": time.perf_counter() - started[1]}
     ranges = coefficient_ranges(poses.shards)
     entries = {"name": config.name, "run": config.to_dict(), "ranges": ranges.tolist(), "fit_seconds": taken}
@@ -93,7 +99,7 @@ def run_deforming(config: RunConfig, folder: Path, progress: Progress | None = N
         "bytes": path.stat().st_size,
     }
     write_json(folder / SCORES, result)
-    report(frames + 1, frames + 1)
+    report(total, total)
     return path, result
 
 

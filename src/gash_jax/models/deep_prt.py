@@ -1,0 +1,84 @@
+"""DeepPRT as a model of one object that deforms (Li et al., "DeepPRT"): its mesh as geometry images, and their U-Net.
+
+Positions and normals of a pose become an image of six channels by the map of the rest, the network makes images of the
+coefficients of them, each within the range that it had in training, widened a little, and every vertex takes its own
+from the four texels around it. The network is trained by `train.image_training`.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax.traverse_util import flatten_dict, unflatten_dict
+from jaxtyping import Array, Float
+
+from gash_jax.geometry.geometry_image import GeometryImage
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.nn.unet import UNetConfig, build_unet
+
+INPUTS = 6  # positions and normals
+NET = "net/"
+_IMAGE = ("corners", "barycentric", "members", "shares", "texels", "bilinear")
+
+
+def image_arrays(image: GeometryImage, rest: Mesh) -> dict[str, np.ndarray]:
+    """What a model keeps of its geometry image, and the middle and the size of its rest."""
+    low, high = rest.vertices.min(axis=0), rest.vertices.max(axis=0)
+    kept = {f"image/{name}": np.asarray(getattr(image, name), np.float32) for name in _IMAGE}
+    size = np.array([np.linalg.norm(high - low) / 2], np.float32)
+    return {**kept, "input/middle": ((low + high) / 2).astype(np.float32), "input/size": size}
+
+
+def image_of(arrays: Mapping[str, Any]) -> GeometryImage:
+    """The geometry image among the arrays of a model."""
+    whole = {name: arrays[f"image/{name}"] for name in _IMAGE}
+    numbers = {name: whole[name].astype("int32") for name in ("corners", "members", "texels")}
+    return GeometryImage(face=numbers["corners"][..., 0], **{**whole, **numbers})
+
+
+def pose_image(arrays: Mapping[str, Any], positions: Any, normals: Any) -> Any:
+    """Positions, relative to the rest, and normals of a pose as an image (n, n, 6); arrays of NumPy or JAX."""
+    placed = (positions - arrays["input/middle"][None]) / arrays["input/size"][None]
+    xp = positions.__array_namespace__()
+    return image_of(arrays).to_image(xp.concatenate([placed, normals], axis=1))
+
+
+def network_arrays(variables: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Parameters and running means as flat names."""
+    return {NET + name: np.asarray(leaf) for name, leaf in flatten_dict(dict(variables), sep="/").items()}
+
+
+def network_variables(arrays: Mapping[str, Any]) -> Any:
+    """Parameters and running means as the network takes them."""
+    return unflatten_dict({k.removeprefix(NET): v for k, v in arrays.items() if k.startswith(NET)}, sep="/")
+
+
+@cache
+def network_shapes(config: UNetConfig) -> dict[str, tuple[int, ...]]:
+    """Shapes of all arrays of the network, by name; nothing is computed."""
+    image = jax.ShapeDtypeStruct((1, config.size, config.size, INPUTS), jnp.float32)
+    found = jax.eval_shape(build_unet(config).init, jax.eval_shape(lambda: jax.random.key(0)), image)
+    leaves: dict[str, Any] = flatten_dict(found, sep="/")  # type: ignore[assignment]
+    return {NET + name: leaf.shape for name, leaf in leaves.items()}
+
+
+def deep_prt_shapes(config: UNetConfig) -> dict[str, tuple[int | str, ...]]:
+    """Shapes of all arrays of a model file but those of the rest and the pose."""
+    n, k = config.size, config.bands**2
+    corners: dict[str, tuple[int | str, ...]] = {"image/corners": (n, n, 3), "image/barycentric": (n, n, 3)}
+    corners |= {"image/members": ("e", "w"), "image/shares": ("e", "w")}
+    corners |= {"image/texels": ("v", 4), "image/bilinear": ("v", 4)}
+    return {**corners, "input/middle": (3,), "input/size": (1,), "low": (k,), "high": (k,), **network_shapes(config)}
+
+
+def predict_deep_prt(
+    config: UNetConfig, arrays: Mapping[str, Any], positions: Float[Array, "v 3"], normals: Float[Array, "v 3"]
+) -> Float[Array, "v k"]:
+    """Coefficients of a pose."""
+    seen = pose_image(arrays, positions, normals)
+    shares = build_unet(config).apply(network_variables(arrays), seen[None])[0]  # type: ignore[index]
+    low, high = (arrays[name][None, None] for name in ("low", "high"))
+    return image_of(arrays).from_image(low + (high - low) * shares)

@@ -1,0 +1,74 @@
+"""The U-Net of DeepPRT: what goes in and out, its size, its normalisation, what a block is by hand."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gash_jax.models.deep_prt import network_shapes
+from gash_jax.nn.unet import ResidualBlock, UNet, UNetConfig, _doubled
+from gash_jax.train.config import load_config
+
+KEY = jax.random.key(0)
+IMAGES = jax.random.normal(jax.random.key(1), (3, 16, 16, 6))
+NETWORK = UNet(channels=2, levels=2, blocks=1, outputs=4)
+VARIABLES = NETWORK.init(KEY, IMAGES)
+
+
+def test_images_keep_their_size_and_outputs_are_shares() -> None:
+    found = jax.jit(NETWORK.apply)(VARIABLES, IMAGES)
+    assert found.shape == (3, 16, 16, 4) and found.min() > 0 and found.max() < 1  # type: ignore[union-attr]
+    one = jax.vmap(lambda image: NETWORK.apply(VARIABLES, image[None])[0])(IMAGES)  # type: ignore[index]
+    np.testing.assert_allclose(one, found, atol=1e-5)  # running means: no image depends on the others
+    slope = jax.grad(lambda x: NETWORK.apply(VARIABLES, x).sum())(IMAGES)  # type: ignore[union-attr]
+    assert np.isfinite(slope).all() and np.abs(slope).max() > 0
+
+
+def test_every_texel_sees_the_whole_image() -> None:
+    """Two halvings of 16 texels leave 4: both corners of an image are within one 3 x 3 of each other's blocks."""
+    slope = jax.grad(lambda x: NETWORK.apply(VARIABLES, x)[0, 0, 0].sum())(IMAGES)  # type: ignore[index]
+    assert np.abs(np.asarray(slope)[0, 15]).max() > 0 and np.abs(np.asarray(slope)[1:]).max() == 0
+
+
+def test_training_normalises_by_the_batch_and_moves_the_running_means() -> None:
+    found, changed = NETWORK.apply(VARIABLES, IMAGES, training=True, mutable=["batch_stats"])
+    before, after = (jax.tree.leaves(part["batch_stats"]) for part in (VARIABLES, changed))
+    assert all(np.any(a != b) for a, b in zip(before, after, strict=True))
+    assert np.abs(found - NETWORK.apply(VARIABLES, IMAGES)).max() > 1e-3  # type: ignore[operator]
+
+
+def test_a_block_by_hand() -> None:
+    """Kernels that pass their middle texel on: F(x) = 2 relu(3 x) and x + F(x), before the last ReLU."""
+    block, x = ResidualBlock(1), jnp.array([[[1.0, -2.0], [0.5, 4.0]]])[..., None]
+    variables = block.init(KEY, x, False)
+    middle = jnp.zeros((3, 3, 1, 1)).at[1, 1].set(1.0)
+    variables["params"]["first"]["kernel"], variables["params"]["second"]["kernel"] = 3 * middle, 2 * middle
+    epsilon = 1e-5  # of batch normalisation, whose running variance starts at 1
+    expected = np.maximum(x + 2 * np.maximum(3 * x, 0) / (1 + epsilon), 0)
+    found: Any = block.apply(variables, x, False)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    assert "shortcut" not in variables["params"]
+    halved = ResidualBlock(2, stride=2)
+    wide = halved.init(KEY, x, False)
+    smaller: Any = halved.apply(wide, x, False)
+    assert "shortcut" in wide["params"] and smaller.shape == (1, 1, 1, 2)
+
+
+def test_texels_are_repeated() -> None:
+    x = jnp.arange(8.0).reshape(1, 2, 2, 2)
+    np.testing.assert_array_equal(_doubled(x), np.repeat(np.repeat(x, 2, axis=1), 2, axis=2))
+
+
+def test_the_configs_have_the_sizes_that_they_say() -> None:
+    for name, millions, size in (("deep-prt", 11.7, 256), ("deep-prt-small", 2.07, 64)):
+        config = load_config(name).model
+        shapes = network_shapes(config)  # type: ignore[arg-type]
+        found = sum(int(np.prod(shape)) for key, shape in shapes.items() if "/params/" in key)
+        assert found == pytest.approx(1e6 * millions, rel=0.01) and config.size == size  # type: ignore[attr-defined]
+
+
+def test_images_that_cannot_be_halved_are_refused() -> None:
+    with pytest.raises(ValueError, match="cannot be halved 4 times"):
+        UNetConfig("deep-prt", size=40)
