@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gash_jax.apps.progress import UpdateFn, progress_bar
-from gash_jax.apps.shard_options import Jobs
 from gash_jax.files.caches import cache_folder, keep_compiled_programs, quiet_compiler
 from gash_jax.files.settings import ConfigError
 from gash_jax.files.shards import Shard
@@ -22,6 +21,17 @@ TIMES = 3  # that a job is submitted by a process that waits for it
 SETTINGS = {"slurm": {"timeout_min": 240}, "local": {"timeout_min": 60 * 24 * 30}}  # submitit's own: 5 and 2 minutes
 ENDS = 1000  # times that a job may reach its time limit: it gets on each time
 POLL_SECONDS = 0.5
+
+
+class Jobs(NamedTuple):
+    """How a command is given to a cluster: its name and options, jobs, settings of each, whether to wait for them."""
+
+    command: str
+    options: dict[str, Any]
+    cluster: str
+    count: int
+    settings: tuple[str, ...]
+    wait: bool
 
 
 class ShardJob(NamedTuple):
@@ -33,7 +43,7 @@ class ShardJob(NamedTuple):
 
     def __call__(self) -> None:
         """Run the shard in this process."""
-        from gash_jax.apps.cli import load_command  # the command imports this file
+        from gash_jax.apps.cli import load_command  # whose commands lead here
 
         quiet_compiler()
         keep_compiled_programs()

@@ -10,21 +10,11 @@ from typing import Any, NamedTuple
 
 import click
 
+from gash_jax.apps.cluster import Jobs, run_jobs
 from gash_jax.apps.printing import say
 from gash_jax.files.shards import Shard, read_shard
 
 CLUSTERS = ("slurm", "local")
-
-
-class Jobs(NamedTuple):
-    """How a command is given to a cluster: its name and options, jobs, settings of each, whether to wait for them."""
-
-    command: str
-    options: dict[str, Any]
-    cluster: str
-    count: int
-    settings: tuple[str, ...]
-    wait: bool
 
 
 class Work(NamedTuple):
@@ -108,8 +98,6 @@ def by_jobs(work: Work, quiet: bool) -> Work | None:
     """Submit the jobs, if asked for. What is left to do here: the merge, where they were waited for, or None."""
     if work.jobs is None:
         return work
-    from gash_jax.apps.cluster import run_jobs  # imports submitit
-
     folder = run_jobs(work.jobs, quiet)
     if work.jobs.wait:
         return Work(merge=work.jobs.count)
