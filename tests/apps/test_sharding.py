@@ -95,9 +95,9 @@ def test_a_shard_does_only_what_is_missing(capsys: pytest.CaptureFixture) -> Non
     assert capsys.readouterr().out == "3 bakes in many are there and whole\n"
     run(*BAKE, "many", "--seed", 1, "--shard", "1/3")  # other options are another piece
     assert stamps("many")["many/a.npz"] != before["many/a.npz"]
-    assert "many/a.npz is damaged" in fail(capsys, *BAKE, "many", "--merge", 3)
+    assert "many/a.npz is damaged or of another bake" in fail(capsys, *BAKE, "many", "--merge", 3)
     save_mesh("b.ply", bumpy_sphere(3))  # so is another mesh
-    assert "run --shard 2/3 again" in fail(capsys, *BAKE, "many", "--seed", 1, "--merge", 3)
+    assert "run --shard 2/3 and --shard 3/3 again" in fail(capsys, *BAKE, "many", "--seed", 1, "--merge", 3)
 
 
 def test_a_damaged_bake_is_refused_and_baked_again(capsys: pytest.CaptureFixture) -> None:
@@ -105,7 +105,7 @@ def test_a_damaged_bake_is_refused_and_baked_again(capsys: pytest.CaptureFixture
     before, path = contents("many"), Path("many/b.npz")
     path.write_bytes(path.read_bytes()[:-60])
     assert fail(capsys, *BAKE, "many", "--merge", 2) == (
-        "cannot merge, many/b.npz is damaged: run --shard 2/2 again, then --merge 2"
+        "cannot merge, many/b.npz is damaged or of another bake: run --shard 2/2 again, then --merge 2"
     )
     run(*BAKE, "many", "--shard", "2/2", "--quiet")
     run(*BAKE, "many", "--merge", 2, "--quiet")

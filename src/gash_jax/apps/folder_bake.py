@@ -61,7 +61,8 @@ def _pieces(meshes: Sequence[Path], folder: Path) -> list[tuple[Path, Path]]:
 
 
 def _fault(mesh: Path, path: Path, chosen: BakeSettings) -> str:
-    return fault_of(str(path), path, read_record(path.parent, path.stem, _key(mesh, chosen), path) is not None)
+    whole = read_record(path.parent, path.stem, _key(mesh, chosen), path) is not None
+    return fault_of(str(path), path, whole, "damaged or of another bake")
 
 
 def _key(mesh: Path, chosen: BakeSettings) -> str:

@@ -49,9 +49,9 @@ def read_shard(text: str) -> Shard:
     return Shard(number, count)
 
 
-def fault_of(name: str, path: Path, whole: bool) -> str:
-    """What is wrong with a piece, in words; "" where nothing is."""
-    return "" if whole else f"{name} is damaged" if path.exists() else f"{name} is missing"
+def fault_of(name: str, path: Path, whole: bool, wrong: str = "damaged") -> str:
+    """What is wrong with a piece, in words; "" where nothing is. `wrong` says it of a file that is there."""
+    return "" if whole else f"{name} is {wrong}" if path.exists() else f"{name} is missing"
 
 
 def check_merge(faults: Sequence[str], count: int) -> None:

@@ -95,11 +95,14 @@ def build_corpus(
     if workers > 1:
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
             futures = [pool.submit(build_item, data, bands, index) for index in missing]
-            for future in as_completed(futures):
-                future.result()
-                done += 1
-                if progress:
-                    progress(done, len(indices))
+            try:
+                for future in as_completed(futures):
+                    future.result()
+                    done += 1
+                    if progress:
+                        progress(done, len(indices))
+            finally:
+                pool.shutdown(cancel_futures=True)  # who is interrupted waits for what was begun, not for all the rest
     else:
         for index in missing:
             build_item(data, bands, index)

@@ -39,7 +39,7 @@ def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet:
         return
     if left.merge:
         check_corpus(run.data, bands, indices, left.merge)
-    own = indices if left.shard is None else np.asarray(left.shard.of(indices))
+    own = indices if left.shard is None else np.array(left.shard.of(indices.tolist()), int)
     with progress_bar("corpus", quiet) as update:
         items = build_corpus(run.data, bands, own, update)
     if left.shard is not None:
