@@ -4,11 +4,13 @@ import multiprocessing
 import os
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 
 from gash_jax.files.caches import keep_compiled_programs
 from gash_jax.files.cores import available_cores
@@ -76,12 +78,32 @@ def _child(run: Run, folder: Path, cores: list[int], pipe: Any) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     keep_compiled_programs()  # those for so many cores
     try:
-        line = train_run(run, folder, lambda phase, fraction, values: pipe.send(fraction))
+        with _alone(folder):
+            line = train_run(run, folder, lambda phase, fraction, values: pipe.send(fraction))
         pipe.send({**line, **provenance()})
     except KeyboardInterrupt:
         pass
     except Exception as error:  # noqa: BLE001 - whatever it was, the other runs go on and the user is told
         pipe.send(f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a run, which ends with its process: another process, of any machine, would write into it, too.
+
+    Where the file system knows no locks, runs are trained without.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(folder / ".lock")
+    try:
+        lock.acquire()
+    except (NotImplementedError, OSError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _end_with_parent() -> None:

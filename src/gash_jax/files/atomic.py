@@ -9,6 +9,7 @@ import json
 import os
 import stat
 import tempfile
+import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -103,7 +104,8 @@ def whole_file(path: str | Path, inputs: Iterable[str | Path | None] = ()) -> It
     room for it.
     """
     target = check_writable(path, inputs)
-    temporary = target.with_name(f".{target.name[:40]}.{os.getpid()}.tmp")
+    # several machines may write into one folder, and number their processes alike
+    temporary = target.with_name(f".{target.name[:40]}.{uuid.uuid4().hex[:16]}.tmp")
     try:
         yield temporary
         os.replace(temporary, target)

@@ -1,5 +1,6 @@
 """npz files that are whole or absent, with a JSON `metadata` string beside the arrays; no pickle anywhere."""
 
+import hashlib
 import json
 import struct
 import zipfile
@@ -133,6 +134,15 @@ def _existing(path: str | Path, kind: str) -> Path:
     if path.is_dir():
         raise FileError(f"{path} is a folder, not a {kind} file (.npz)")
     return path
+
+
+def arrays_hash(arrays: Mapping[str, np.ndarray]) -> str:
+    """Hash of names, types, shapes and contents of arrays, whatever their order: equal where they are bit for bit."""
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        total.update(f"{name} {array.dtype.str} {array.shape} ".encode() + array.tobytes())
+    return total.hexdigest()
 
 
 def check_arrays(

@@ -2,8 +2,9 @@
 
 An item is one shape with its transfer and its hemisphere visibility. Its cache name is the hash of everything that
 determines it (generator parameters, ray count, bands, the source text of the rooms that made it), so a change of
-the generator or of the bake makes new labels, and a killed build continues where it stopped. Shapes are split by
-index, never by vertex.
+the generator or of the bake makes new labels, and a killed build continues where it stopped; several machines may
+build parts of one corpus in one cache. An item holds the hash of its arrays. Shapes are split by index, never by
+vertex.
 """
 
 import hashlib
@@ -18,7 +19,8 @@ from jaxtyping import Int
 from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.cores import available_cores
-from gash_jax.files.npz import check_arrays, read_npz, write_npz
+from gash_jax.files.npz import arrays_hash, check_arrays, read_npz, write_npz
+from gash_jax.files.shards import check_merge, fault_of
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.examples import Item
 from gash_jax.prt.bake import bake_transfer
@@ -50,7 +52,8 @@ def build_item(data: DataConfig, bands: int, index: int) -> Path:
         "coefficients": transfer.coefficients,
         "visibility": hemisphere_visibility(mesh),
     }
-    write_npz(path, arrays, {"kind": kind, "index": index, "seed": data.seed, "rays": data.rays})
+    parts = {"kind": kind, "index": index, "seed": data.seed, "rays": data.rays}
+    write_npz(path, arrays, {**parts, "sha256": arrays_hash(arrays)})
     return path
 
 
@@ -61,7 +64,8 @@ def load_item(path: Path) -> Item:
     count, faces, seen = sizes["v"], arrays["faces"], arrays.get("visibility")
     inside = not faces.size or (faces.min() >= 0 and faces.max() < count)
     seen_by_all = seen is not None and seen.dtype == bool and seen.ndim == 2 and len(seen) == count
-    if not inside or not seen_by_all or not isinstance(metadata.get("kind"), str):
+    changed = "sha256" in metadata and metadata["sha256"] != arrays_hash(arrays)  # items of before have no hash
+    if changed or not inside or not seen_by_all or not isinstance(metadata.get("kind"), str):
         raise FileError(f"{path} is not a whole corpus item: write it again")
     mesh = Mesh(arrays["vertices"], arrays["normals"], arrays["faces"])
     return Item(metadata["kind"], mesh, arrays["coefficients"], arrays["visibility"].astype(np.float32))
@@ -91,11 +95,14 @@ def build_corpus(
     if workers > 1:
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
             futures = [pool.submit(build_item, data, bands, index) for index in missing]
-            for future in as_completed(futures):
-                future.result()
-                done += 1
-                if progress:
-                    progress(done, len(indices))
+            try:
+                for future in as_completed(futures):
+                    future.result()
+                    done += 1
+                    if progress:
+                        progress(done, len(indices))
+            finally:
+                pool.shutdown(cancel_futures=True)  # who is interrupted waits for what was begun, not for all the rest
     else:
         for index in missing:
             build_item(data, bands, index)
@@ -103,6 +110,19 @@ def build_corpus(
             if progress:
                 progress(done, len(indices))
     return [_load_or_rebuild(data, bands, int(index)) for index in indices]
+
+
+def check_corpus(data: DataConfig, bands: int, indices: Int[np.ndarray, "n"], shards: int) -> None:
+    """Raise FileError unless all items are in the cache and whole: which of so many shards to run again."""
+    check_merge([_fault(item_path(data, bands, int(index)), int(index)) for index in indices], shards)
+
+
+def _fault(path: Path, index: int) -> str:
+    try:
+        load_item(path)
+    except FileError:
+        return fault_of(f"shape {index}", path, whole=False)
+    return ""
 
 
 def split_indices(data: DataConfig) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]]:

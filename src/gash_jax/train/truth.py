@@ -3,15 +3,15 @@
 A file holds the coefficients of its frames in float16, (t, v, k), uncompressed, so that they can be read frame by frame
 without being loaded, and the seconds that they took. Its name is the hash of everything that determines them: positions
 and normals of its frames, faces, rows, rays, bands, the seeds, the source of the bake. So a bake that was interrupted
-goes on where it stopped, frames that two runs share are baked once, and a file that was damaged is baked again: it
-also holds the hash of its coefficients.
+goes on where it stopped, frames that two runs share are baked once, several machines may bake parts of one animation
+into one cache, and a file that was damaged is baked again: it also holds the hash of its coefficients.
 
 Frame i is baked with seed i, so that the noise of the rays is independent from frame to frame.
 """
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from jaxtyping import Float
 from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.npz import open_npz, read_npz, write_npz
+from gash_jax.files.shards import Shard, check_merge, fault_of
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.prt.sequence import MovingScene, bake_pose, posed_meshes
 
@@ -53,18 +54,54 @@ class Truth(NamedTuple):
 
 def bake_truth(scene: MovingScene, bands: int, rays: int, progress: Progress | None = None) -> Truth:
     """Bake the frames of a scene that are not there yet; the ground truth of all of them."""
-    count = len(scene.animation)
-    files, seconds = [], np.zeros(2)
-    for first in range(0, count, FRAMES):
-        last = min(first + FRAMES, count)
+    files, seconds = _bake_files(scene, bands, rays, _firsts(scene), progress)
+    cpu, wall = (seconds / max(len(scene.animation), 1)).tolist()
+    return Truth(scene, bands, rays, tuple(files), cpu, wall)
+
+
+def bake_shard(scene: MovingScene, bands: int, rays: int, shard: Shard, progress: Progress | None = None) -> int:
+    """Bake those files of frames that are a shard's and not there yet; how many frames are the shard's."""
+    firsts = shard.of(_firsts(scene))
+    _bake_files(scene, bands, rays, firsts, progress)
+    return sum(_last(scene, first) - first for first in firsts)
+
+
+def check_truth(scene: MovingScene, bands: int, rays: int, shards: int) -> None:
+    """Raise FileError unless all frames are in the cache and whole: which of so many shards to run again."""
+    faults = []
+    for first in _firsts(scene):
+        last = _last(scene, first)
+        path = _file_of(scene, list(posed_meshes(scene.animation, first, last)), bands, rays, first)
+        faults.append(fault_of(f"the file of frames {first} to {last - 1}", path, _seconds_of(path) is not None))
+    check_merge(faults, shards)
+
+
+def _firsts(scene: MovingScene) -> Sequence[int]:
+    """The first frame of every file."""
+    return range(0, len(scene.animation), FRAMES)
+
+
+def _last(scene: MovingScene, first: int) -> int:
+    """The frame after the last one of a file."""
+    return min(first + FRAMES, len(scene.animation))
+
+
+def _bake_files(
+    scene: MovingScene, bands: int, rays: int, firsts: Sequence[int], progress: Progress | None
+) -> tuple[list[Path], Float[np.ndarray, "2"]]:
+    """Bake files of frames that are not there yet; all of `firsts`, and the CPU and wall seconds that they took."""
+    files, seconds, done = [], np.zeros(2), 0
+    count = sum(_last(scene, first) - first for first in firsts)
+    for first in firsts:
+        last = _last(scene, first)
         meshes = list(posed_meshes(scene.animation, first, last))
         path = _file_of(scene, meshes, bands, rays, first)
         taken = _seconds_of(path)
         if taken is None:
 
-            def baked(done: int, first: int = first) -> None:
+            def baked(frames: int, before: int = done) -> None:
                 if progress:
-                    progress(first + done, count)
+                    progress(before + frames, count)
 
             _bake_file(path, scene, meshes, bands, rays, first, baked)
             taken = _seconds_of(path)
@@ -72,10 +109,10 @@ def bake_truth(scene: MovingScene, bands: int, rays: int, progress: Progress | N
                 raise FileError(f"{path} was changed while it was written: bake again")
         seconds += taken
         files.append(path)
+        done += last - first
         if progress:
-            progress(last, count)
-    cpu, wall = (seconds / max(count, 1)).tolist()
-    return Truth(scene, bands, rays, tuple(files), cpu, wall)
+            progress(done, count)
+    return files, seconds
 
 
 def _file_of(scene: MovingScene, meshes: list[Mesh], bands: int, rays: int, first: int) -> Path:

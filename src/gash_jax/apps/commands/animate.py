@@ -19,6 +19,7 @@ from gash_jax.apps.options import (
 )
 from gash_jax.apps.printing import say
 from gash_jax.apps.progress import UpdateFn, progress_bar
+from gash_jax.apps.shard_options import Work, by_jobs, shard_options
 from gash_jax.files.atomic import check_writable
 from gash_jax.files.npz import write_npz_rows
 from gash_jax.formats.animations import load_animation
@@ -26,7 +27,7 @@ from gash_jax.formats.meshes import mesh_files
 from gash_jax.models.deforming_model import DeformingModel, deforming_model_file, load_deforming_model
 from gash_jax.prt.sequence import MovingScene, moving_scene
 from gash_jax.prt.transfer import make_metadata
-from gash_jax.train.truth import bake_truth
+from gash_jax.train.truth import bake_shard, bake_truth, check_truth
 
 FORMAT, BAKE = "gash-animated-transfer", "bake"
 
@@ -43,6 +44,7 @@ FORMAT, BAKE = "gash-animated-transfer", "bake"
 @rest_option
 @click.option("--clip", help="Clip of a glTF file.  [default: the first]")
 @up_option
+@shard_options
 @quiet_option
 def animate(
     animation: Path,
@@ -55,16 +57,30 @@ def animate(
     clip: str | None,
     up: str,
     quiet: bool,
+    work: Work,
 ) -> None:
     """Write the transfer of every frame of ANIMATION: baked, or by a model of the object that deforms.
 
     The file holds coefficients (frames, vertices, bands²) in float16. A bake is kept frame by frame, so after an
-    interruption the same command goes on where it stopped.
+    interruption the same command goes on where it stopped; frames are kept in the cache folder, $GASH_CACHE, which
+    machines that share the work must share. A shard bakes, --merge writes the file.
     """
+    if model != BAKE and work != Work():
+        raise click.UsageError("--shard, --merge and --cluster share out a bake: leave out --model")
     fitted = None if model == BAKE else load_deforming_model(model)
     weights = None if model == BAKE else deforming_model_file(model)
     check_writable(output, [*mesh_files(animation), weights])
     scene = moving_scene(load_animation(animation, up, clip), vertices, rest)
+    left = by_jobs(work, quiet)
+    if left is None:
+        return
+    if left.merge:
+        check_truth(scene, bands, rays, left.merge)
+    if left.shard is not None:
+        with progress_bar(f"frames of shard {left.shard}", quiet) as update:
+            done = bake_shard(scene, bands, rays, left.shard, update)
+        say(f"shard {left.shard}: {done} of {len(scene.animation)} frames are in the cache", quiet)
+        return
     with progress_bar(f"{len(scene.animation)} frames", quiet) as update:
         if fitted is None:
             seconds = _bake(output, scene, bands, rays, update)
