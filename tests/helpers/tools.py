@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = {"glslangValidator": "glslang-tools", "spirv-cross": "spirv-cross", "mcs": "mono-mcs", "mono": "mono-runtime"}
+PACKAGES = {"glslangValidator": "glslang-tools", "mcs": "mono-mcs", "mono": "mono-mcs"}
 
 
 def tool(name: str, *arguments: Path | str) -> subprocess.CompletedProcess[str]:
