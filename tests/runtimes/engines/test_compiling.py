@@ -13,13 +13,13 @@ FORMS = [f"#define {define}\n" if define else "" for define in DEFINES]
 # what GashTransfer.shader takes from Unity
 UNITY = "float4x4 unityPlace;\nfloat4 UnityObjectToClipPos(float4 p) { return mul(unityPlace, p); }"
 # how Unreal wraps the body of a Custom node
-NODE = """float3 CustomExpression0(float2 T01, float2 T23, float2 T45, float2 T67, float2 T8, float4 L0, float4 L1, float4 L2,
-  float4 L3, float4 L4, float4 L5, float4 L6, float4 L7, float4 L8) {
+NODE = """float3 CustomExpression0(float2 T01, float2 T23, float2 T45, float2 T67, float2 T8, float4 L0, float4 L1,
+  float4 L2, float4 L3, float4 L4, float4 L5, float4 L6, float4 L7, float4 L8) {
 %s
 }
 cbuffer Material { float4 Light[9]; };
-float4 main(float2 a : TEXCOORD0, float2 b : TEXCOORD1, float2 c : TEXCOORD2, float2 d : TEXCOORD3, float2 e : TEXCOORD4)
-  : SV_TARGET {
+float4 main(float2 a : TEXCOORD0, float2 b : TEXCOORD1, float2 c : TEXCOORD2, float2 d : TEXCOORD3,
+  float2 e : TEXCOORD4) : SV_TARGET {
   return float4(CustomExpression0(a, b, c, d, e, Light[0], Light[1], Light[2], Light[3], Light[4], Light[5], Light[6],
     Light[7], Light[8]), 1.0);
 }

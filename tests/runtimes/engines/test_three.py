@@ -62,7 +62,7 @@ def inputs(made: Path, name: str, bands: int) -> tuple[np.ndarray, np.ndarray]:
 def test_numbers_are_those_of_the_library(
     name: str, bands: int, store: str, levels: int, turn: tuple[float, ...], made: Path, page: Any
 ) -> None:
-    """A light of 16 coefficients, cut to those of the transfer, as `shade` does; an object that turned sees it turned back."""
+    """The light is cut to the coefficients of the transfer; an object that turned sees it turned back."""
     asset = f"{name}-{bands}-{store}.glb"
     convert(made / f"{name}.npz", "-o", made / asset, "--bands", bands, "--store", store)
     transfer, light = inputs(made, name, bands)
