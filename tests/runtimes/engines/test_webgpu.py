@@ -38,6 +38,7 @@ def shaded(
     page: Any, coefficients: np.ndarray, light: np.ndarray, store: str, code: str = CODE, fragment: str = "linear"
 ) -> np.ndarray:
     attributes, extras, _ = vertex_attributes(coefficients, "sh", store, 0)
+    interleaved = np.concatenate([attribute.values for attribute in attributes], axis=1)
     count = coefficients.shape[1]
     width = 4 * -(-count // 4)
     lit = np.zeros((3, width))
@@ -49,7 +50,7 @@ def shaded(
     said = {
         **{"code": code, "stage": f"{'coloured' if coefficients.ndim == 3 else 'grey'}{count}", "fragment": fragment},
         **{"format": FORMATS[store], "uniforms": uniforms.tolist(), "count": len(coefficients)},
-        "attributes": [base64.b64encode(np.ascontiguousarray(a.values).tobytes()).decode() for a in attributes],
+        **{"attributes": len(attributes), "stored": base64.b64encode(interleaved.tobytes()).decode()},
     }
     return np.array(page.evaluate("said => shadeVertices(said)", said))
 

@@ -35,27 +35,31 @@ function filled(device, usage, data) {
   return buffer;
 }
 
-/** Each attribute is the bytes of four numbers a vertex, in the `format` of WebGPU. */
-async function shade({ code, stage, fragment, format, attributes, uniforms, count }) {
+/** `stored` are the bytes of so many attributes of four numbers, interleaved: one buffer, where eight are the limit. */
+async function shade({ code, stage, fragment, format, stored, attributes, uniforms, count }) {
   const device = await deviceOrNothing();
   const height = Math.ceil(count / WIDTH);
-  const stride = { float32x4: 16, snorm16x4: 8, snorm8x4: 4 }[format];
-  const buffers = [filled(device, GPUBufferUsage.VERTEX, places(count, height))];
-  for (const bytes of attributes) {
-    const copies = new Uint8Array(3 * stride * count);
-    for (let n = 0; n < 3 * count; n++) copies.set(bytes.slice(Math.floor(n / 3) * stride).slice(0, stride), n * stride);
-    buffers.push(filled(device, GPUBufferUsage.VERTEX, copies));
+  const size = { float32x4: 16, snorm16x4: 8, snorm8x4: 4 }[format];
+  const stride = attributes * size;
+  const copies = new Uint8Array(3 * stride * count);
+  for (let n = 0; n < 3 * count; n++) {
+    const start = Math.floor(n / 3) * stride;
+    copies.set(stored.slice(start, start + stride), n * stride);
   }
+  const buffers = [places(count, height), copies].map((data) => filled(device, GPUBufferUsage.VERTEX, data));
   const module = device.createShaderModule({ code });
   const pipeline = await device.createRenderPipelineAsync({
     layout: "auto",
     vertex: {
       module,
       entryPoint: stage,
-      buffers: buffers.map((_, location) => ({
-        arrayStride: location ? stride : 12,
-        attributes: [{ shaderLocation: location, offset: 0, format: location ? format : "float32x3" }],
-      })),
+      buffers: [
+        { arrayStride: 12, attributes: [{ shaderLocation: 0, offset: 0, format: "float32x3" }] },
+        {
+          arrayStride: stride,
+          attributes: Array.from({ length: attributes }, (_, i) => ({ shaderLocation: i + 1, offset: i * size, format })),
+        },
+      ],
     },
     fragment: { module, entryPoint: fragment, targets: [{ format: "rgba32float" }] },
   });
@@ -75,7 +79,7 @@ async function shade({ code, stage, fragment, format, attributes, uniforms, coun
   const pass = encoder.beginRenderPass({ colorAttachments: [{ view, loadOp: "clear", storeOp: "store" }] });
   pass.setPipeline(pipeline);
   pass.setBindGroup(0, group);
-  buffers.forEach((buffer, location) => pass.setVertexBuffer(location, buffer));
+  buffers.forEach((buffer, slot) => pass.setVertexBuffer(slot, buffer));
   pass.draw(3 * count);
   pass.end();
   encoder.copyTextureToBuffer({ texture: target }, { buffer: found, bytesPerRow: 16 * WIDTH }, [WIDTH, height]);
@@ -87,4 +91,4 @@ async function shade({ code, stage, fragment, format, attributes, uniforms, coun
 
 globalThis.compile = compile;
 globalThis.shadeVertices = (said) =>
-  shade({ ...said, attributes: said.attributes.map((text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0))) });
+  shade({ ...said, stored: Uint8Array.from(atob(said.stored), (c) => c.charCodeAt(0)) });
