@@ -18,14 +18,14 @@ PATIENCE = 120_000  # milliseconds, on a machine that does other things as well
 
 
 @contextmanager
-def chromium() -> Iterator[Any]:
-    """The browser, or skip the test."""
+def chromium(*more: str) -> Iterator[Any]:
+    """The browser, with more arguments of the command line, or skip the test."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: make setup installs it")
     found = shutil.which("chromium") or shutil.which("chromium-browser")
     if found is None:
         pytest.skip("needs chromium: apt-get install chromium")
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=found, headless=True, args=ARGUMENTS)
+        browser = driver.chromium.launch(executable_path=found, headless=True, args=[*ARGUMENTS, *more])
         yield browser
         browser.close()
 
