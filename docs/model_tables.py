@@ -4,7 +4,18 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-STAGES = ("inputs", "motors", "graphs", "edges", "surfels", "layers", "closed form", "models", "deforming")
+STAGES = (
+    "inputs",
+    "motors",
+    "directions",
+    "graphs",
+    "edges",
+    "surfels",
+    "layers",
+    "closed form",
+    "models",
+    "deforming",
+)
 
 
 def stage_table(stage: str, result: dict[str, Any]) -> str:

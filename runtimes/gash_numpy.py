@@ -622,7 +622,7 @@ def encode(
 
 def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
     """Coefficients and expected error of every vertex, both (v, B*B), after the fallback."""
-    (config, a), bands = model, model.config["bands"]
+    config, a, bands = model.config, model.arrays, model.config["bands"]
     points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
     faces = outward_faces(vertices, normals, faces)
     area = face_areas(vertices, faces)
@@ -712,7 +712,7 @@ def predict(
     """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told,
     of the directions of its frame (section "Directions").
     """
-    config, a = model
+    config, a = model.config, model.arrays
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config.get("neighbours", 0)
     usual = {"rings": "relative", "local": "surfels"}.get(name, "motor")

@@ -19,14 +19,15 @@ VERTICES = np.array([[0, 0, -1], [0.25, 0.125, 1], [1, 1, 0.125], [-0.75, 1.25, 
 FACES = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
 NORMALS = np.array([[0, 1, 0], [0.28, 0.96, 0], [-0.6, 0.8, 0], [0.8, 0.6, 0]], np.float32)
 VERTEX = 2
-SMALL: dict[str, Any] = {"bands": 2, "channels": 4, "layers": 1, "heads": 2}
+SMALL: dict[str, Any] = {"bands": 2, "channels": 4, "layers": 1}
+NEAREST: dict[str, Any] = {**SMALL, "heads": 2, "neighbours": 2, "graph": "knn"}
+SEEING: dict[str, Any] = {**NEAREST, "visibility_directions": 3}
 CONFIGS: dict[str, dict[str, Any]] = {
     "mlp": {**SMALL, "name": "mlp"},
-    "gnn": {**SMALL, "name": "gnn", "neighbours": 2, "graph": "knn", "frame": "vertex", "residual": True},
-    "teacher": {**SMALL, "name": "teacher", "neighbours": 2, "graph": "knn", "visibility_directions": 3},
-    "two-stage": {**SMALL, "name": "two-stage", "neighbours": 2, "graph": "knn", "visibility_directions": 3}
-    | {"visibility_channels": 4, "visibility_layers": 1},
-    "rings": {**SMALL, "name": "rings", "neighbours": 4},
+    "gnn": {**NEAREST, "name": "gnn", "frame": "vertex", "residual": True},
+    "teacher": {**SEEING, "name": "teacher"},
+    "two-stage": {**SEEING, "name": "two-stage", "visibility_channels": 4, "visibility_layers": 1},
+    "rings": {**SMALL, "name": "rings", "heads": 2, "neighbours": 4},
     "local": {**SMALL, "name": "local", "neighbours": 8},
 }
 VISIBILITY = np.array([[1, 0, 1], [1, 1, 0], [0, 1, 1], [1, 1, 1]], np.float32)
@@ -46,7 +47,7 @@ def sine_model(name: str, shapes: dict[str, tuple[int, ...]]) -> gash.Model:
 
 def _numbers(values: Any) -> list[float]:
     """Plain numbers, rounded to what float32 holds for certain."""
-    return [float(f"{x:.6g}") for x in np.asarray(values, float).reshape(-1)]
+    return [float(f"{x:.6g}") + 0.0 for x in np.asarray(values, float).reshape(-1)]  # -0 is 0
 
 
 def _units() -> tuple[np.ndarray, np.ndarray]:
@@ -68,6 +69,19 @@ def motors() -> Rows:
     found = gash.motors(_units()[0], NORMALS)[VERTEX]
     rows: Rows = [[f"index {i}", _numbers(found[i])] for i in np.flatnonzero(found)]
     return rows + [["column y of the rotor's matrix", _numbers(gash.rotor_matrices(found[None])[0, :, 1])]]
+
+
+def directions() -> Rows:
+    """Three directions about the normal, and three in the world."""
+    azimuth = 2 * math.pi * np.arange(3) / ((1 + math.sqrt(5)) / 2)
+    sets = []
+    for height in (1 - (np.arange(3) + 0.5) / 3, 1 - (2 * np.arange(3) + 1) / 3):
+        radius = np.sqrt(1 - height**2)
+        sets.append(np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], -1))
+    about_y = np.stack([sets[0][:, 0], sets[0][:, 2], -sets[0][:, 1]], -1)
+    turned = about_y @ gash.rotor_matrices(gash.motors(_units()[0], NORMALS))[VERTEX].T
+    rows: Rows = [[f"`vertex`, direction {i} of 3", _numbers(d)] for i, d in enumerate(turned)]
+    return rows + [[f"`world`, direction {i} of 3", _numbers(d)] for i, d in enumerate(sets[1])]
 
 
 def graphs() -> Rows:
@@ -99,7 +113,8 @@ def surfels() -> Rows:
     rows: Rows = [[f"axis {i}", _numbers(axes[:, i])] for i in range(3)]
     rows += [["level sizes", _numbers(tree.level_sizes)], ["first child of row 0", _numbers(tree.first_child[0])]]
     leaf = sum(tree.level_sizes[:-1])
-    rows += [[f"row {leaf}: face, piece", _numbers([tree.face[leaf], tree.piece[leaf]])]]
+    part = tree.piece[leaf] - gash.PIECE_START[gash.MOST_PARTS - 1]  # both faces are cut into most parts
+    rows += [[f"row {leaf}: face, part of it", _numbers([tree.face[leaf], part])]]
     rows += [["record of row 0", _numbers(records[0])], [f"record of row {leaf}", _numbers(records[leaf])]]
     rows += [["order of the vertices", _numbers(order)], ["rows of the block's 8 surfels", _numbers(chosen)]]
     return [*rows, ["near corners", _numbers(gash.corner_table(faces, 4)[VERTEX])]]
@@ -167,9 +182,9 @@ def network_shapes() -> dict[str, dict[str, tuple[int, ...]]]:
 
 def stages() -> dict[str, Rows]:
     """All of it."""
-    found = {"inputs": inputs(), "motors": motors(), "graphs": graphs(), "edges": edges(), "surfels": surfels()}
-    found |= {"layers": layers(), "closed form": closed_form(), "models": models(network_shapes())}
-    return {**found, "deforming": deforming()}
+    found = {"inputs": inputs(), "motors": motors(), "directions": directions(), "graphs": graphs()}
+    found |= {"edges": edges(), "surfels": surfels(), "layers": layers(), "closed form": closed_form()}
+    return {**found, "models": models(network_shapes()), "deforming": deforming()}
 
 
 def main(output: Path | None) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.models.families import config_from_dict
 from gash_jax.models.model import Model
+from gash_jax.prt.hemisphere import hemisphere_directions
 from runtimes import worked_example as example
 
 WRITTEN = json.loads((Path(__file__).parents[2] / "docs" / "results" / "model_example.json").read_text())["stages"]
@@ -57,6 +58,10 @@ def test_stages_of_the_package() -> None:
     assert len(WRITTEN["motors"]) - 1 == np.count_nonzero(motor)
     exact = np.asarray(unshadowed_transfer(example.NORMALS, 3))[example.VERTEX]
     np.testing.assert_allclose(exact, _row("closed form", "t, 3 bands"), atol=1e-5)
+    for name, label in ((False, "vertex"), (True, "world")):
+        told = hemisphere_directions(example.NORMALS, 3, world=name)[example.VERTEX]
+        for i in range(3):
+            np.testing.assert_allclose(told[i], _row("directions", f"`{label}`, direction {i} of 3"), atol=1e-5)
     np.testing.assert_array_equal(np.asarray(graph.senders).reshape(4, 2)[2], _row("graphs", "row 2"))
 
 

@@ -89,7 +89,7 @@ def sh_components(x: Numbers, y: Numbers, z: Numbers, bands: int) -> list[Any]:
 
     Returns bands^2 separate arrays of that shape and dtype, which for large batches is several times faster than one
     array with a short last axis. Plain arithmetic: NumPy arrays in, NumPy arrays out; JAX arrays in, JAX arrays out,
-    and so for whatever else adds and multiplies (`apps.exports.graph`).
+    and so for whatever else adds and multiplies, as the values of a graph that is being exported do.
     """
     validate_bands(bands, PRODUCT_BANDS)
     components: list = [None] * (bands * bands)
