@@ -24,6 +24,7 @@ from docs import (
 from docs.baking_tables import origin
 from docs.deforming_tables import deforming_table
 from docs.method_names import network_name
+from docs.model_tables import stage_tables
 
 ROOT = Path(__file__).parents[1]
 
@@ -139,6 +140,7 @@ TABLES = (
     Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
     Table("docs/deforming.md", "DEFORMING", deforming_table, "deforming.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
+    *(Table("docs/model_file.md", name, render, "model_example.json") for name, render in stage_tables()),
 )
 
 

@@ -1,6 +1,6 @@
 """Predict radiance transfer from a gash_jax model file with NumPy alone: one file, made to be ported.
 
-    python gash_numpy.py model.npz mesh.npz out.npz     # mesh.npz: vertices, normals, faces
+    python gash_numpy.py model.npz mesh.npz out.npz     # mesh.npz: vertices, normals, faces; out.npz: a transfer file
 
     model = load_model("model.npz")
     coefficients = predict(model, vertices, normals, faces)      # (v, B*B), vertex order kept
@@ -17,7 +17,10 @@ the order and the precision of the package, so that both choose alike.
 
 import json
 import math
+import os
+import platform
 import sys
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,23 +33,31 @@ FRAMES = ("mixed", "world", "vertex")
 
 
 class Model(NamedTuple):
-    """The "model" table of the metadata, and the arrays by name."""
+    """The "model" table of the metadata, the arrays by name in float32, and what the weights are called."""
 
     config: dict[str, Any]
     arrays: dict[str, np.ndarray]
+    name: str = ""
+
+
+def read_file(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Metadata and arrays of a file that gash export wrote, weights in float32. Raises ValueError for anything else."""
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {str(name): archive[name] for name in archive.files}
+        metadata = json.loads(str(arrays.pop("metadata")))
+    except Exception:
+        raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
+    return metadata, {name: array.astype(np.float32) for name, array in arrays.items()}
 
 
 def load_model(path: str) -> Model:
     """Read a model file. Raises ValueError for anything else."""
-    try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {OLD_NAMES.get(str(name), str(name)): archive[name] for name in archive.files}
-        metadata = json.loads(str(arrays.pop("metadata")))
-    except Exception:
-        raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
+    metadata, arrays = read_file(path)
     if metadata.get("format") != "gash-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is not a model file of version 1")
-    return Model(metadata["model"], arrays)
+    arrays = {OLD_NAMES.get(name, name): array for name, array in arrays.items()}
+    return Model(metadata["model"], arrays, metadata.get("name", ""))
 
 
 # ---------------------------------------------------------------- spherical harmonics (section "Closed form")
@@ -611,7 +622,7 @@ def encode(
 
 def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
     """Coefficients and expected error of every vertex, both (v, B*B), after the fallback."""
-    (config, a), bands = model, model.config["bands"]
+    config, a, bands = model.config, model.arrays, model.config["bands"]
     points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
     faces = outward_faces(vertices, normals, faces)
     area = face_areas(vertices, faces)
@@ -701,7 +712,7 @@ def predict(
     """Transfer coefficients (v, B*B), float32. `visibility` (v, 25), 0 or 1, is what a teacher is told,
     of the directions of its frame (section "Directions").
     """
-    config, a = model
+    config, a = model.config, model.arrays
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config.get("neighbours", 0)
     usual = {"rings": "relative", "local": "surfels"}.get(name, "motor")
@@ -756,17 +767,12 @@ def predict_with_error(
 
 def load_deforming(path: str) -> Model:
     """Read the file of a model of one object that deforms. Raises ValueError for anything else."""
-    try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays = {str(name): archive[name] for name in archive.files}
-        metadata = json.loads(str(arrays.pop("metadata")))
-    except Exception:
-        raise ValueError(f"{path} is not a readable model file (.npz written by gash export)") from None
+    metadata, arrays = read_file(path)
     if metadata.get("format") != "gash-deforming-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is no model of an object that deforms, version 1")
     if metadata["model"]["name"] not in ("momo-prt", "deform"):
         raise ValueError(f"{path} is a {metadata['model']['name']}, which gash_jax alone can run: use gash animate")
-    return Model(metadata["model"], {name: array.astype(np.float32) for name, array in arrays.items()})
+    return Model(metadata["model"], arrays, metadata.get("name", ""))
 
 
 def predict_pose(model: Model, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -793,20 +799,99 @@ def finished(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return np.where(np.any(normals != 0, axis=1)[:, None], coefficients, 0).astype(np.float32)
 
 
+# ---------------------------------------------------------------- section "The transfer file"
+
+CONVENTIONS = (
+    "world right-handed, +y up; real orthonormal SH, polar axis z, k = l*l + l + m, no Condon-Shortley sign; "
+    "transfer (1/pi) integral V cos Y, albedo not included; vertex order of the input file"
+)
+
+
+def check_mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> None:
+    """Raise ValueError, one line that says what is wrong, for arrays that are no mesh."""
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or normals.shape != vertices.shape:
+        raise ValueError(f"vertices {vertices.shape} and normals {normals.shape}: give (v, 3) of both")
+    if not (np.isfinite(vertices).all() and np.isfinite(normals).all()):
+        raise ValueError("vertices or normals are not finite: repair the mesh")
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
+        raise ValueError(f"faces have shape {faces.shape} {faces.dtype}: give at least one, (f, 3) integers")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError(f"faces name vertices that do not exist: there are {len(vertices)}, numbered from 0")
+
+
+def predict_transfer(
+    model: Model,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    faces: np.ndarray,
+    visibility: np.ndarray | None = None,
+    seed: int = 0,
+) -> dict[str, np.ndarray]:
+    """Everything that a transfer file holds, by name; of any model, that of one object that deforms included.
+
+    Raises ValueError for arrays that are no mesh, or not that of the model.
+    """
+    check_mesh(vertices, normals, faces)
+    started, arrays = time.perf_counter(), {}
+    if "pose/sample" in model.arrays:
+        if len(vertices) != len(model.arrays["mean"]):
+            raise ValueError(f"{len(vertices)} vertices: the model is of one object with {len(model.arrays['mean'])}")
+        arrays["coefficients"] = predict_pose(model, vertices.astype(np.float32), normals.astype(np.float32))
+    elif model.config["name"] == "local":
+        arrays["coefficients"], arrays["predicted_error"] = predict_with_error(model, vertices, normals, faces)
+    else:
+        arrays["coefficients"] = predict(model, vertices, normals, faces, visibility, seed)
+    metadata = {
+        "format": "gash-transfer",
+        "version": 1,
+        "bands": math.isqrt(arrays["coefficients"].shape[1]),
+        "conventions": CONVENTIONS,
+        "method": "predict",
+        "parameters": {"model": model.config, "weights": model.name, "seed": seed},
+        "rays_total": 0 if visibility is None else visibility.size,
+        "seconds": {"total": time.perf_counter() - started},
+        "software": {"python": platform.python_version(), "numpy": np.__version__},
+    }
+    arrays = {name: np.ascontiguousarray(array, "<f4") for name, array in arrays.items()}
+    arrays |= {"vertices": np.ascontiguousarray(vertices, "<f4"), "normals": np.ascontiguousarray(normals, "<f4")}
+    return {**arrays, "faces": np.ascontiguousarray(faces, "<i4"), "metadata": np.array(json.dumps(metadata))}
+
+
+def write_transfer(path: str, arrays: dict[str, np.ndarray]) -> None:
+    """Write a transfer file; the file of that name is replaced once the new one is whole."""
+    temporary = f"{path}.{os.getpid()}.tmp"
+    try:
+        with open(temporary, "wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+        os.replace(temporary, path)
+    finally:
+        if os.path.exists(temporary):
+            os.remove(temporary)
+
+
 def main(arguments: list[str]) -> int:
     """The command line; every failure is one line."""
     if len(arguments) != 3:
         print("usage: python gash_numpy.py model.npz mesh.npz out.npz", file=sys.stderr)
         return 2
     try:
-        model = load_model(arguments[0])
-        with open(arguments[1], "rb") as file, np.load(file, allow_pickle=False) as mesh:
-            vertices, normals, faces = (mesh[name] for name in ("vertices", "normals", "faces"))
-        np.savez(arguments[2], coefficients=predict(model, vertices, normals, faces))
+        deforms = read_file(arguments[0])[0].get("format") == "gash-deforming-model"
+        model = (load_deforming if deforms else load_model)(arguments[0])
+        mesh = read_mesh(arguments[1])
+        write_transfer(arguments[2], predict_transfer(model, *mesh))
     except (OSError, ValueError, KeyError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     return 0
+
+
+def read_mesh(path: str) -> list[np.ndarray]:
+    """Vertices, normals and faces of an .npz file. Raises ValueError for anything else."""
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as mesh:
+            return [mesh[name] for name in ("vertices", "normals", "faces")]
+    except Exception:
+        raise ValueError(f"{path} is no mesh: give an .npz with vertices, normals and faces") from None
 
 
 if __name__ == "__main__":

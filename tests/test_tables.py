@@ -28,6 +28,7 @@ GENERATED = (
     "docs/hard_cases.md",
     "docs/light.md",
     "docs/model_cards.md",
+    "docs/model_file.md",
     "docs/service.md",
     "docs/transport.md",
 )

@@ -105,7 +105,7 @@ def test_a_job_is_a_shard_of_a_command() -> None:
         seen: list = []
         with pytest.raises(ValueError, match="b.npz is missing"):  # of the merge that follows
             run(*command, "--shards", "2")
-    assert seen[0].count == 2 and seen[0].wait
+    assert seen[0].number == 2 and seen[0].wait
     ShardJob(seen[0].command, seen[0].options, Shard(2, 2))()
     run("bake", "a.ply", "b.ply", "-o", "out", "--rays", "4", "--merge", "2")
 

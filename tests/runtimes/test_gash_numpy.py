@@ -10,66 +10,21 @@ import jax
 import numpy as np
 import pytest
 
-from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
+from gash_jax.files.settings import from_dict
+from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
+from gash_jax.models.deforming_families import DEFORMING
+from gash_jax.models.deforming_model import load_deforming_model, save_deforming_model
 from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph, traced_visibility
-from gash_jax.models.model import Model, load_model, save_model, shipped_models
-from gash_jax.nn.config import ModelConfig
-from gash_jax.nn.output import FRAMES
-from gash_jax.shapes.procedural import make_shape
+from gash_jax.models.model import Model, load_model, shipped_models
+from gash_jax.prt.transfer import load_transfer
 from runtimes import gash_numpy
-from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
+from tests.helpers.bumpy import bumpy_mesh, network_inputs
+from tests.helpers.small_networks import ENDS, MESHES, NETS, written
 
 ROOT = Path(__file__).parents[2]
-SMALL: dict[str, Any] = {"channels": 8, "layers": 2, "heads": 2}
-NETS = {
-    "mlp": model_config("mlp", channels=16, layers=2),
-    "gnn": model_config("gnn", neighbours=5, **SMALL),
-    "teacher": model_config("teacher", neighbours=5, **SMALL),
-    "two-stage": model_config("two-stage", neighbours=5, visibility_channels=8, visibility_layers=2, **SMALL),
-    "two-stage rings, 4 bands": model_config(
-        "two-stage", 4, neighbours=16, graph="rings", visibility_channels=8, visibility_layers=1, **SMALL
-    ),
-    "rings": model_config("rings", neighbours=16, **SMALL),
-    "rings, 5 bands": model_config("rings", 5, neighbours=32, **SMALL),
-    "local": model_config("local", channels=8, layers=1, neighbours=16),
-    "local, 5 bands": model_config("local", 5, channels=8, neighbours=24),
-}
-
-# what all networks over motors end in, on the one that compiles fastest, and once each on the others
-ENDS = [("mlp", frame, residual) for frame in FRAMES for residual in (False, True)]
-ENDS += [(name, frame, True) for name in ("gnn", "teacher", "two-stage") for frame in ("world", "vertex")]
-
 SURFEL_NETS = [name for name, config in NETS.items() if config.name == "local"]
-
-
-def _odd_mesh() -> Mesh:
-    """Coincident and isolated vertices, a zero normal, normals at and near -e_y."""
-    mesh = bumpy_mesh(90, seed=3)
-    vertices = np.concatenate([mesh.vertices, [mesh.vertices[4], [9.0, 0.0, 0.0]]]).astype(np.float32)
-    faces = np.concatenate([mesh.faces, [[0, 1, 90]]]).astype(np.int32)
-    normals = angle_weighted_normals(vertices, faces).astype(np.float32)
-    normals[7], normals[91] = 0, 0
-    normals[8], normals[9] = [0, -1, 0], [1e-4, -1, 0]
-    normals[10] = [0, 0, -1]
-    return Mesh(vertices, normals, faces)
-
-
-def _generated_mesh() -> Mesh:
-    """Moved a little, so that no two neighbours are equally far: which of those a tree finds is its own affair."""
-    mesh = make_shape(2, 5, (300, 400))[1]
-    noise = np.random.default_rng(0).normal(scale=1e-3, size=mesh.vertices.shape)
-    return mesh._replace(vertices=(mesh.vertices + noise).astype(np.float32))
-
-
-MESHES = {"odd": _odd_mesh(), "generated": _generated_mesh()}
-
-
-def _written(config: ModelConfig, path: Path) -> Path:
-    graph = model_graph(config, bumpy_mesh(30))
-    save_model(path, config, random_variables(build_model(config), graph)["params"], name="test")
-    return path
 
 
 def _assert_equal(found: np.ndarray, truth: np.ndarray) -> None:
@@ -80,14 +35,14 @@ def _assert_equal(found: np.ndarray, truth: np.ndarray) -> None:
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
 @pytest.mark.parametrize("net", NETS)
 def test_every_model_equals_the_package(net: str, mesh: Mesh, tmp_path: Path) -> None:
-    path = _written(NETS[net], tmp_path / "model.npz")
+    path = written(NETS[net], tmp_path / "model.npz")
     _assert_predicts_as_the_package(NETS[net], path, mesh)
 
 
 @pytest.mark.parametrize(("net", "frame", "residual"), ENDS)
 def test_every_frame_and_residual_equals_the_package(net: str, frame: str, residual: bool, tmp_path: Path) -> None:
     config: Any = replace(NETS[net], layers=1, frame=frame, residual=residual)  # type: ignore[call-arg]
-    _assert_predicts_as_the_package(config, _written(config, tmp_path / "model.npz"), MESHES["odd"])
+    _assert_predicts_as_the_package(config, written(config, tmp_path / "model.npz"), MESHES["odd"])
 
 
 def _assert_predicts_as_the_package(config: Any, path: Path, mesh: Mesh) -> None:
@@ -101,7 +56,7 @@ def _assert_predicts_as_the_package(config: Any, path: Path, mesh: Mesh) -> None
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
 @pytest.mark.parametrize("net", SURFEL_NETS)
 def test_surfels_predicts_its_error_as_the_package_does(net: str, mesh: Mesh, tmp_path: Path) -> None:
-    path = _written(NETS[net], tmp_path / "model.npz")
+    path = written(NETS[net], tmp_path / "model.npz")
     model, told = load_model(path), gash_numpy.load_model(str(path))
     coefficients, error = gash_numpy.predict_with_error(told, *mesh)
     np.testing.assert_array_equal(coefficients, gash_numpy.predict(told, *mesh))
@@ -133,7 +88,7 @@ def test_surfels_are_those_of_the_package(mesh: Mesh, count: int) -> None:
 
 
 def test_only_surfels_predicts_its_error(tmp_path: Path) -> None:
-    model = gash_numpy.load_model(str(_written(NETS["mlp"], tmp_path / "m.npz")))
+    model = gash_numpy.load_model(str(written(NETS["mlp"], tmp_path / "m.npz")))
     with pytest.raises(ValueError, match="mlp does not predict its error"):
         gash_numpy.predict_with_error(model, *MESHES["odd"])
 
@@ -147,7 +102,7 @@ def test_shipped_weights(name: str) -> None:
 
 
 def test_the_seed_of_rings(tmp_path: Path) -> None:
-    path, mesh = _written(NETS["rings"], tmp_path / "model.npz"), MESHES["generated"]
+    path, mesh = written(NETS["rings"], tmp_path / "model.npz"), MESHES["generated"]
     found = gash_numpy.predict(gash_numpy.load_model(str(path)), *mesh, seed=3)
     truth, other = (load_model(path).predict(mesh, seed=seed).coefficients for seed in (3, 4))
     _assert_equal(found, truth)
@@ -175,13 +130,61 @@ def test_it_loads_nothing_but_numpy() -> None:
     assert "numpy" in loaded and not {"jax", "flax", "scipy", "gash_jax"} & loaded
 
 
-def test_command_line(tmp_path: Path) -> None:
-    model, mesh, out = _written(NETS["gnn"], tmp_path / "m.npz"), tmp_path / "mesh.npz", tmp_path / "out.npz"
+@pytest.mark.parametrize("net", ["gnn", "local"])
+def test_the_command_line_writes_a_transfer_file(net: str, tmp_path: Path) -> None:
+    model, mesh, out = written(NETS[net], tmp_path / "m.npz"), tmp_path / "mesh.npz", tmp_path / "out.npz"
     np.savez(mesh, **MESHES["generated"]._asdict())
     assert gash_numpy.main([str(model), str(mesh), str(out)]) == 0
-    truth = load_model(model).predict(MESHES["generated"]).coefficients
-    with np.load(out) as archive:
-        np.testing.assert_allclose(archive["coefficients"], truth, atol=1e-5 * np.abs(truth).max())
+    found, truth = load_transfer(out), load_model(model).predict(MESHES["generated"])
+    _assert_equal(found.coefficients, np.asarray(truth.coefficients))
+    for name in Mesh._fields:
+        np.testing.assert_array_equal(getattr(found, name), getattr(truth, name))
+        assert getattr(found, name).dtype == getattr(truth, name).dtype
+    assert (found.predicted_error is None) == (truth.predicted_error is None)
+    same = ("format", "version", "bands", "conventions", "method", "parameters", "rays_total")
+    assert {name: found.metadata[name] for name in same} == {name: truth.metadata[name] for name in same}
+    assert found.metadata["seconds"]["total"] > 0 and "numpy" in found.metadata["software"]
+    assert [path.name for path in tmp_path.glob("out*")] == ["out.npz"]
+
+
+def test_the_transfer_of_a_model_of_one_object(tmp_path: Path) -> None:
+    mesh, name = MESHES["odd"], "momo-prt"
+    rng, count = np.random.default_rng(0), len(mesh.vertices)
+    arrays = {"pose/sample": np.arange(2), "pose/still": np.zeros((2, 3)), "pose/matrix": rng.normal(size=(6, 3))}
+    arrays |= {"pose/low": -np.ones(3), "pose/high": np.ones(3), "middle": np.zeros(3)}
+    arrays |= {"mean": np.ones((count, 4)), "weights": rng.normal(size=(3, 2)), "basis": rng.normal(size=(2, count, 4))}
+    config = from_dict(DEFORMING[name].config, {"name": name, "bands": 2})
+    save_deforming_model(tmp_path / "m.npz", config, arrays, mesh, name="toy")
+    np.savez(tmp_path / "mesh.npz", **mesh._asdict())
+    assert gash_numpy.main([str(tmp_path / file) for file in ("m.npz", "mesh.npz", "out.npz")]) == 0
+    found, model = load_transfer(tmp_path / "out.npz"), load_deforming_model(tmp_path / "m.npz")
+    _assert_equal(found.coefficients, np.asarray(model.coefficients(mesh)))
+    assert found.bands == 2 and found.metadata["parameters"]["weights"] == "toy"
+    other = MESHES["generated"]
+    with pytest.raises(ValueError, match="the model is of one object with"):
+        gash_numpy.predict_transfer(gash_numpy.load_deforming(str(tmp_path / "m.npz")), *other)
+
+
+BROKEN = {
+    "give \\(v, 3\\) of both": {"normals": np.zeros((2, 3))},
+    "not finite": {"vertices": np.full_like(MESHES["odd"].vertices, np.nan)},
+    "give at least one": {"faces": np.zeros((0, 3), int)},
+    "integers": {"faces": np.zeros((2, 3))},
+    "do not exist": {"faces": np.array([[0, 1, 92]])},
+}
+
+
+@pytest.mark.parametrize("message", BROKEN)
+def test_arrays_that_are_no_mesh_are_refused(message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        gash_numpy.check_mesh(*MESHES["odd"]._replace(**BROKEN[message]))
+
+
+def test_a_file_that_was_there_outlives_a_failure(tmp_path: Path) -> None:
+    (tmp_path / "out.npz").write_bytes(b"kept")
+    with pytest.raises(TypeError):
+        gash_numpy.write_transfer(str(tmp_path / "out.npz"), {"file": np.zeros(3)})
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"kept"]
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
@@ -198,25 +201,25 @@ def test_bad_files_are_one_line(content: bytes | None, tmp_path: Path, capsys: p
 
 
 def test_a_teacher_without_visibility_is_told_so(tmp_path: Path) -> None:
-    model = gash_numpy.load_model(str(_written(NETS["teacher"], tmp_path / "m.npz")))
+    model = gash_numpy.load_model(str(written(NETS["teacher"], tmp_path / "m.npz")))
     with pytest.raises(ValueError, match="visibility"):
         gash_numpy.predict(model, *MESHES["odd"])
 
 
 def test_an_encoding_it_does_not_know_is_refused(tmp_path: Path) -> None:
-    model = gash_numpy.load_model(str(_written(NETS["gnn"], tmp_path / "m.npz")))
+    model = gash_numpy.load_model(str(written(NETS["gnn"], tmp_path / "m.npz")))
     with pytest.raises(ValueError, match="gnn with the encoding motor-7: this file knows motor only"):
         gash_numpy.predict(model._replace(config={**model.config, "encoding": "motor-7"}), *MESHES["odd"])
 
 
 def test_a_frame_it_does_not_know_is_refused(tmp_path: Path) -> None:
-    model = gash_numpy.load_model(str(_written(NETS["gnn"], tmp_path / "m.npz")))
+    model = gash_numpy.load_model(str(written(NETS["gnn"], tmp_path / "m.npz")))
     with pytest.raises(ValueError, match="gnn with the frame camera: this file knows mixed, world, vertex"):
         gash_numpy.predict(model._replace(config={**model.config, "frame": "camera"}), *MESHES["odd"])
 
 
 def test_files_without_frame_and_residual_mean_the_first_reading(tmp_path: Path) -> None:
-    model, mesh = gash_numpy.load_model(str(_written(NETS["two-stage"], tmp_path / "m.npz"))), MESHES["odd"]
+    model, mesh = gash_numpy.load_model(str(written(NETS["two-stage"], tmp_path / "m.npz"))), MESHES["odd"]
     old = model._replace(config={k: v for k, v in model.config.items() if k not in ("frame", "residual")})
     np.testing.assert_array_equal(gash_numpy.predict(old, *mesh), gash_numpy.predict(model, *mesh))
     other = model._replace(config={**model.config, "frame": "vertex"})
@@ -255,6 +258,6 @@ def test_the_document_names_every_array_and_its_shape(name: str) -> None:
 
 
 def test_the_model_class_is_what_the_file_holds(tmp_path: Path) -> None:
-    path = _written(NETS["gnn"], tmp_path / "m.npz")
+    path = written(NETS["gnn"], tmp_path / "m.npz")
     model = load_model(path)
     assert isinstance(model, Model) and gash_numpy.load_model(str(path)).config == model.config.to_dict()

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 GOLDEN_RATIO = (1.0 + 5.0**0.5) / 2.0
 # Directions this close to an axis count as on it: frames turn by 1/distance per unit there, beyond float32's range.
-_POLE = 1e-30
+POLE = 1e-30
 
 
 def _namespace(array: Array | np.ndarray) -> Any:
@@ -77,7 +77,7 @@ def orthonormal_frame(normals: Float[Array | np.ndarray, "... 3"]) -> Float[Arra
     largest = xp.maximum(xp.abs(x), xp.abs(y))
     # Only the ratio of u and v enters, so their scale is a constant for the derivative.
     largest = largest if xp is np else jax.lax.stop_gradient(largest)
-    off_pole = largest > _POLE
+    off_pole = largest > POLE
     scale = xp.where(off_pole, largest, one)
     u, v = xp.where(off_pole, x / scale, one), y / scale
     # The lower formula's (1 - z) / (x^2 + y^2), with the squares of the scaled components so that none underflows.

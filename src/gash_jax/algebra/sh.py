@@ -16,7 +16,7 @@ both zero from l = w on.
 
 import functools
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +25,7 @@ from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.arguments import as_array, is_real, whole_number
 
+Numbers: TypeAlias = Any  # arrays "..." of floats, or what else has their arithmetic
 MAX_BANDS = 10  # of transfer and light
 PRODUCT_BANDS = 2 * MAX_BANDS - 1  # of the product of two functions of MAX_BANDS bands
 
@@ -68,9 +69,7 @@ def _recurrence(band: int, m: int, normalised: bool) -> tuple[float, float, floa
     return grow, grow * math.sqrt(((band - 1) ** 2 - m**2) / (4 * (band - 1) ** 2 - 1)), 1.0
 
 
-def legendre_functions(
-    z: Float[Array | np.ndarray, "..."], first: Any, bands: int, m: int, *, normalised: bool = False
-) -> list[Any]:
+def legendre_functions(z: Numbers, first: Any, bands: int, m: int, *, normalised: bool = False) -> list[Any]:
     """P_lm(z) for l = m .. bands - 1 from `first` = P_mm, by the recurrence in l.
 
     Whatever factor `first` carries, all carry. With `normalised` they are N_lm P_lm from `first` = N_mm P_mm: these
@@ -85,16 +84,12 @@ def legendre_functions(
     return values
 
 
-def sh_components(
-    x: Float[Array | np.ndarray, "..."],
-    y: Float[Array | np.ndarray, "..."],
-    z: Float[Array | np.ndarray, "..."],
-    bands: int,
-) -> list[Float[Array | np.ndarray, "..."]]:
+def sh_components(x: Numbers, y: Numbers, z: Numbers, bands: int) -> list[Any]:
     """Evaluate the basis at unit vectors given as three arrays of one shape.
 
     Returns bands^2 separate arrays of that shape and dtype, which for large batches is several times faster than one
-    array with a short last axis. Plain arithmetic: NumPy arrays in, NumPy arrays out; JAX arrays in, JAX arrays out.
+    array with a short last axis. Plain arithmetic: NumPy arrays in, NumPy arrays out; JAX arrays in, JAX arrays out,
+    and so for whatever else adds and multiplies, as the values of a graph that is being exported do.
     """
     validate_bands(bands, PRODUCT_BANDS)
     components: list = [None] * (bands * bands)

@@ -37,7 +37,7 @@ def _band(directions: np.ndarray, band: int) -> np.ndarray:
 
 
 @functools.cache
-def _fixed_system(band: int) -> tuple[np.ndarray, np.ndarray]:
+def fixed_system(band: int) -> tuple[np.ndarray, np.ndarray]:
     """The 2l+1 fixed directions N of a band, (2l+1, 3), and Y_l(N)^-1 with Y_l(N) one column per direction.
 
     Each next direction is the candidate whose Y_l is furthest from the span of those chosen before. A hemisphere
@@ -58,7 +58,7 @@ def _fixed_system(band: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _turned_basis(rotation: Array, band: int) -> tuple[Array, Array]:
     """Y_l(R N), (..., 2l+1, 2l+1) with one column per direction, and the constant Y_l(N)^-1."""
-    directions, inverse = (jnp.asarray(constant, rotation.dtype) for constant in _fixed_system(band))
+    directions, inverse = (jnp.asarray(constant, rotation.dtype) for constant in fixed_system(band))
     turned = jnp.einsum("...ij,nj->...ni", rotation, directions, precision="highest")
     components = sh_components(turned[..., 0], turned[..., 1], turned[..., 2], band + 1)[band * band :]
     return jnp.stack([jnp.asarray(component) for component in components], axis=-2), inverse

@@ -22,7 +22,8 @@ COMMANDS = {
     "interruption.",
     "demo": "Bake a mesh, predict it, relight it: a table of speed against error, a picture, and a page to turn it on.",
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
-    "export": "Write the best weights of RUN, finished or not, as one npz that any runtime can read.",
+    "export": "Write the best weights of RUN, finished or not, for other runtimes: as .npz, or as .onnx with the "
+    "network.",
     "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "
     "wrote.",
     "light": "Project an environment map (.hdr, .exr), or a light by name, to spherical harmonics.",

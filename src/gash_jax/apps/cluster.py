@@ -29,7 +29,7 @@ class Jobs(NamedTuple):
     command: str
     options: dict[str, Any]
     cluster: str
-    count: int
+    number: int
     settings: tuple[str, ...]
     wait: bool
 
@@ -49,7 +49,7 @@ class ShardJob(NamedTuple):
         keep_compiled_programs()
         callback = load_command(self.command).callback
         assert callback is not None
-        none = {"merge": None, "cluster": None, "shards": self.shard.count, "job": (), "wait": False}
+        none = {"merge": None, "cluster": None, "shards": self.shard.total, "job": (), "wait": False}
         callback(**self.options, **none, shard=self.shard)
 
     def checkpoint(self) -> Any:
@@ -67,18 +67,18 @@ def run_jobs(jobs: Jobs, quiet: bool) -> Path:
     """
     folder = cache_folder().resolve() / "jobs" / f"{jobs.command}-{uuid.uuid4().hex[:8]}"
     executor = _executor(jobs, folder)
-    tasks = [ShardJob(jobs.command, jobs.options, Shard(i + 1, jobs.count)) for i in range(jobs.count)]
+    tasks = [ShardJob(jobs.command, jobs.options, Shard(i + 1, jobs.number)) for i in range(jobs.number)]
     try:
         with executor.batch():  # one array of jobs to Slurm
             submitted = [executor.submit(task) for task in tasks]
     except (RuntimeError, OSError) as error:
         raise ConfigError(f"the jobs were not submitted, sbatch said: {error}") from None
     if jobs.wait:
-        with progress_bar(f"{jobs.count} jobs", quiet) as update:
+        with progress_bar(f"{jobs.number} jobs", quiet) as update:
             failures = _wait(executor, list(zip(tasks, submitted, strict=True)), update)
         if failures:
             said = "; ".join(failures)
-            raise ConfigError(f"{len(failures)} of {jobs.count} jobs failed, what the others did is kept: {said}")
+            raise ConfigError(f"{len(failures)} of {jobs.number} jobs failed, what the others did is kept: {said}")
     return folder
 
 

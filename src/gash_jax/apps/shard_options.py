@@ -100,7 +100,7 @@ def by_jobs(work: Work, quiet: bool) -> Work | None:
         return work
     folder = run_jobs(work.jobs, quiet)
     if work.jobs.wait:
-        return Work(merge=work.jobs.count)
-    say(f"submitted {work.jobs.count} jobs, their logs will be in {folder}", quiet)
-    say(f"when they have ended, give the same command with --merge {work.jobs.count} in place of --cluster", quiet)
+        return Work(merge=work.jobs.number)
+    say(f"submitted {work.jobs.number} jobs, their logs will be in {folder}", quiet)
+    say(f"when they have ended, give the same command with --merge {work.jobs.number} in place of --cluster", quiet)
     return None

@@ -24,17 +24,17 @@ Piece = TypeVar("Piece")
 
 
 class Shard(NamedTuple):
-    """Part `number` of `count`, counted from 1; 1 of 1 is everything."""
+    """Part `number` of `total`, counted from 1; 1 of 1 is everything."""
 
     number: int = 1
-    count: int = 1
+    total: int = 1
 
     def __str__(self) -> str:
-        return f"{self.number}/{self.count}"
+        return f"{self.number}/{self.total}"
 
     def of(self, pieces: Sequence[Piece]) -> Sequence[Piece]:
         """Its own pieces: neighbours in the list, which often cost the same, go to different shards."""
-        return pieces[self.number - 1 :: self.count]
+        return pieces[self.number - 1 :: self.total]
 
 
 def read_shard(text: str) -> Shard:

@@ -1,7 +1,8 @@
 """A trained network as one value: config and weights in, graph of a mesh, coefficients out.
 
-Model files are npz: float32 arrays named by their path in the parameter tree ("coefficient/conv_0/source/kernel")
-plus JSON metadata with the full config, so that a runtime without JAX can rebuild the network.
+Model files are npz: float32 or float16 arrays named by their path in the parameter tree, such as
+"coefficient/conv_0/source/kernel", plus JSON metadata with the full config, so that a runtime without JAX can rebuild
+the network.
 """
 
 import time
@@ -140,9 +141,15 @@ class Model:
         return Transfer(coefficients, None, *mesh, metadata, predicted)
 
 
-def save_model(path: str | Path, config: ModelConfig, params: dict[str, Any], **metadata: Any) -> None:
-    """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config."""
-    arrays = {name: np.asarray(leaf, np.float32) for name, leaf in flatten_dict(params, sep="/").items()}
+def save_model(
+    path: str | Path, config: ModelConfig, params: dict[str, Any], half: bool = False, **metadata: Any
+) -> None:
+    """Write a model file; `metadata` entries (run config, measures, commit) go in beside the model config.
+
+    With `half` the weights are rounded to float16 (`measure.half_weights` says what that costs).
+    """
+    kind = np.float16 if half else np.float32
+    arrays = {name: np.asarray(leaf, kind) for name, leaf in flatten_dict(params, sep="/").items()}
     header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
     write_npz(path, arrays, header)
 
@@ -192,4 +199,6 @@ def load_model(name: str | Path) -> Model:
     check_arrays(path, "model", arrays, shapes)
     if unknown := sorted(arrays.keys() - shapes.keys()):
         raise FileError(f"{path} is not a model file: its network has no array {unknown[0]!r}; write it again")
+    # float16 is how they were kept, never how they are computed with
+    arrays = {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}
     return Model(config, unflatten_dict(arrays, sep="/"), metadata)

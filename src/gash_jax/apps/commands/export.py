@@ -1,37 +1,106 @@
-"""`gash export`: the best parameters of a run, finished or not, as a model file."""
+"""`gash export`: the weights of a run, finished or not, or of a model file, for other runtimes."""
 
 from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import click
-import jax
+import numpy as np
+from flax.traverse_util import flatten_dict
 
 from gash_jax.apps.options import PATH, Command, output_option, quiet_option
-from gash_jax.apps.printing import say
-from gash_jax.files.atomic import check_writable
-from gash_jax.models.deforming_model import is_deforming, load_deforming_model, save_deforming_model
-from gash_jax.models.model import load_model, save_model
+from gash_jax.apps.printing import number, say
+from gash_jax.files.atomic import FileError, check_writable
+from gash_jax.measure.half_weights import rounded, rounding_error
+from gash_jax.models.deforming_model import HALVES, is_deforming, load_deforming_model, save_deforming_model
+from gash_jax.models.model import Model, load_model, model_file, save_model, shipped_models
+from gash_jax.nn.config import ModelConfig
 from gash_jax.train.run import best_so_far
 
+SUFFIXES = (".npz", ".onnx")
 
-@click.command(cls=Command, epilog="gash export runs/two-stage -o two-stage.npz")
+
+class Weights(NamedTuple):
+    """What an ONNX file is made of: arrays that are float16 stay so."""
+
+    config: ModelConfig
+    arrays: dict[str, np.ndarray]
+    metadata: dict[str, Any]
+
+
+@click.command(cls=Command, epilog="gash export runs/two-stage -o two-stage.onnx")
 @click.argument("run", type=PATH)
 @output_option
+@click.option("--half", is_flag=True, help="Weights in float16: half the bytes. What that costs is measured and said.")
 @quiet_option
-def export(run: Path, output: Path, quiet: bool) -> None:
-    """Write the best weights of RUN, finished or not, as one npz that any runtime can read."""
-    check_writable(output, [run / "model.npz", *run.glob("*.json*")])
-    if (run / "model.npz").is_file() and is_deforming(run / "model.npz"):
-        fitted = load_deforming_model(run)
-        save_deforming_model(output, fitted.config, fitted.arrays, fitted.mesh, **fitted.metadata)
-        count = sum(array.size for array in load_deforming_model(output).arrays.values())
+def export(run: Path, output: Path, half: bool, quiet: bool) -> None:
+    """Write the best weights of RUN, finished or not, for other runtimes: as .npz, or as .onnx with the network.
+
+    RUN may also be a weights file, or the name of weights that ship.
+    """
+    if output.suffix.lower() not in SUFFIXES:
+        raise click.UsageError(f"cannot write {output}: give a name that ends in {' or '.join(SUFFIXES)}")
+    graphs = _graph_writer() if output.suffix.lower() == ".onnx" else None
+    check_writable(output, [run, run / "model.npz", *run.glob("*.json*")])
+    file = _model_file(run)
+    if file and is_deforming(file):
+        weights, count = _deforming(file, output, half, written=graphs is None)
+    else:
+        weights, count = _network(file, run, output, half, written=graphs is None)
+    if graphs:
+        model = graphs.onnx_model(*weights)
+        graphs.save_onnx(output, model)
+        used = ", ".join(graphs.operators(model))
+        say(f"wrote {output}: {count} numbers, ONNX opset {graphs.OPSET}; operators: {used}", quiet)
+    else:
         say(f"wrote {output}: {count} numbers, format in docs/model_file.md", quiet)
-        return
-    if (run / "model.npz").is_file():
-        model = load_model(run / "model.npz")
-        save_model(output, model.config, model.params, **model.metadata)
+    if half:
+        error = weights.metadata["half_weights"]
+        median, worst = (number(error[f"relrmse_{name}"]) for name in ("median", "worst"))
+        say(f"weights in float16: relrmse {median} at the median of {error['meshes']} meshes, {worst} at worst", quiet)
+
+
+def _graph_writer() -> ModuleType:
+    """The writer of ONNX files, which is an extra."""
+    try:
+        from gash_jax.apps.exports import onnx_file
+    except ModuleNotFoundError as error:
+        raise click.ClickException(f"{error.name} is not installed: pip install 'gash-jax[onnx]'") from None
+    return onnx_file
+
+
+def _model_file(run: Path) -> Path | None:
+    """The file of the weights; None where a run has not finished."""
+    known = str(run) in shipped_models() or run.is_file() or (run / "model.npz").is_file()
+    return model_file(run) if known else None
+
+
+def _deforming(file: Path, output: Path, half: bool, written: bool) -> tuple[Weights, int]:
+    """A model of one object that deforms; as .npz where it is to be `written`."""
+    if half:
+        raise FileError("the large arrays of a model of one object are float16 already: leave out --half")
+    fitted = load_deforming_model(file)
+    if written:
+        save_deforming_model(output, fitted.config, fitted.arrays, fitted.mesh, **fitted.metadata)
+    arrays = {name: a.astype(np.float16) if name in HALVES else a for name, a in fitted.arrays.items()}
+    return Weights(fitted.config, arrays, fitted.metadata), sum(array.size for array in arrays.values())
+
+
+def _network(file: Path | None, run: Path, output: Path, half: bool, written: bool) -> tuple[Weights, int]:
+    """A network; as .npz where it is to be `written`."""
+    if file:
+        model = load_model(file)
     else:
         config, params, error = best_so_far(run)
-        save_model(output, config.model, params, name=config.name, run=config.to_dict(), validation=error)
-    arrays = load_model(output).params
-    count = sum(leaf.size for leaf in jax.tree.leaves(arrays))
-    say(f"wrote {output}: {count} parameters, format in docs/model_file.md", quiet)
+        model = Model(config.model, params, {"name": config.name, "run": config.to_dict(), "validation": error})
+    metadata = model.metadata
+    if half:
+        exact, model = model, rounded(model)
+        metadata = {**metadata, "half_weights": rounding_error(exact, model)}
+    if written:
+        save_model(output, model.config, model.params, half, **metadata)
+    arrays = {
+        name: np.asarray(leaf, np.float16 if half else np.float32)
+        for name, leaf in flatten_dict(model.params, sep="/").items()
+    }
+    return Weights(model.config, arrays, metadata), sum(array.size for array in arrays.values())

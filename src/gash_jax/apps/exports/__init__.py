@@ -1,0 +1,1 @@
+"""Networks written for other runtimes: ONNX files, built from the weights operator by operator."""
