@@ -39,7 +39,8 @@ def zero_without_normal(g: Graph, x: Value, normals: Value) -> Value:
 
 def unshadowed_transfer(g: Graph, normals: Value, bands: int) -> Value:
     """The closed form A_l Y_k(n) / pi, (v, k); 0 where the normal is 0."""
-    basis = g.stack(sh_components(*components(normals), bands))
+    x, y, z = components(normals)
+    basis = g.stack(sh_components(x, y, z, bands))
     return zero_without_normal(g, basis * (clamped_cosine_coefficients(bands) / math.pi), normals)
 
 
@@ -55,7 +56,8 @@ def rotate_coefficients(g: Graph, coefficients: Value, rotation: Value, bands: i
         elif band > 1:
             directions, inverse = fixed_system(band)
             turned = rotation @ directions.T  # (v, 3, n)
-            basis = g.stack(sh_components(*components(turned, 1), band + 1)[band * band :], 1)
+            x, y, z = components(turned, 1)
+            basis = g.stack(sh_components(x, y, z, band + 1)[band * band :], 1)
             part = (basis * (part @ inverse.T).unsqueeze(1)).sum(2)
         parts.append(part)
     return g.concat(parts, 1) if bands > 1 else parts[0]
