@@ -230,7 +230,7 @@ def _documented() -> dict[str, dict[str, str]]:
     """Arrays by model: the rows of the tables of docs/model_file.md, as name -> shape."""
     tables, model = {}, ""
     for line in (ROOT / "docs" / "model_file.md").read_text(encoding="utf-8").splitlines():
-        if line.startswith("### "):
+        if line.startswith("#"):
             model = line.removeprefix("### ").strip("` ")
         cells = [cell.strip().strip("`") for cell in line.strip("|").split("|")]
         if model in FAMILIES and line.startswith("| `"):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gash_jax.files.atomic import FileError
 from gash_jax.files.settings import from_dict
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.deforming_model import HALVES, DeformingModel
@@ -22,8 +23,8 @@ SIZES = {"v": len(MESH.vertices), "k": 9, "r": 3, "p": 2, "s": 4, "d": 12, "q": 
 
 def model_of(name: str) -> DeformingModel:
     """With random arrays."""
-    rng = np.random.default_rng(0)
-    shapes = {**POSE_SHAPES, **DEFORMING[name].shapes}
+    rng, config = np.random.default_rng(0), from_dict(DEFORMING[name].config, {"name": name, "bands": 3})
+    shapes = {**POSE_SHAPES, **DEFORMING[name].shapes(config)}
     arrays: dict[str, Any] = {
         key: rng.normal(0, 0.3, [SIZES.get(str(side), side) for side in shape]) for key, shape in shapes.items()
     }
@@ -31,7 +32,7 @@ def model_of(name: str) -> DeformingModel:
     arrays |= {key: arrays[key].astype(np.float16) for key in HALVES}
     if name == "deform":
         arrays |= {"patch": rng.integers(0, 2, SIZES["v"]), "neighbour": rng.integers(0, SIZES["v"], SIZES["v"])}
-    return DeformingModel(from_dict(DEFORMING[name].config, {"name": name, "bands": 3}), arrays, MESH, {})
+    return DeformingModel(config, arrays, MESH, {})
 
 
 def run(proto: Any, pose: Any) -> np.ndarray:
@@ -40,7 +41,13 @@ def run(proto: Any, pose: Any) -> np.ndarray:
     return ready.run(None, {entry.name: given[entry.name] for entry in ready.get_inputs()})[0]
 
 
-@pytest.mark.parametrize("name", DEFORMING)
+def test_the_network_over_images_is_refused() -> None:
+    config = from_dict(DEFORMING["deep-prt"].config, {"name": "deep-prt"})
+    with pytest.raises(FileError, match="deep-prt has no ONNX graph"):
+        onnx_model(config, {}, {})
+
+
+@pytest.mark.parametrize("name", ["momo-prt", "deform"])
 def test_poses_equal_jax(name: str) -> None:
     model = model_of(name)
     arrays = {key: a.astype(np.float16) if key in HALVES else a for key, a in model.arrays.items()}
