@@ -233,7 +233,7 @@ def _documented() -> dict[str, dict[str, str]]:
         if line.startswith("#"):
             model = line.removeprefix("### ").strip("` ")
         cells = [cell.strip().strip("`") for cell in line.strip("|").split("|")]
-        if model in FAMILIES and line.startswith("| `"):
+        if model in FAMILIES and line.startswith("| `") and "/" in cells[0]:
             tables.setdefault(model, {})[cells[0]] = cells[1]
     return tables
 
