@@ -1,7 +1,7 @@
 /**
  * What the address says after #, and what it is told: view=front or azimuth,elevation in degrees; rotate=90 or w,x,y,z;
- * exposure; method, against, light, frame as numbers from 0; show; coefficient; window=hann:3; material=phong:10;
- * background; wire=1; panel=off; theme=dark. Words that mean nothing are passed over.
+ * exposure; method, against, light, frame as numbers from 0; show; coefficient; window=hann:3 or window=radiance;
+ * material=phong:10; background; wire=1; panel=off; theme=dark. Words that mean nothing are passed over.
  */
 
 import { VIEWS } from "./camera.js";
@@ -77,7 +77,7 @@ function words(scene) {
     ...Object.fromEntries([...NUMBERS, "show", "background"].map((name) => [name, state[name]])),
     rotate: state.turn === IDENTITY ? 0 : state.turn.map(round).join(","),
     exposure: Number(scene.exposure.toPrecision(6)),
-    window: `${state.window}:${state.width}`,
+    window: ["hann", "lanczos"].includes(state.window) ? `${state.window}:${state.width}` : state.window,
     material: state.material === "matte" ? "matte" : `${state.material}:${state.gloss[state.material]}`,
     wire: Number(state.wire),
   };

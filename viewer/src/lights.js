@@ -1,7 +1,8 @@
 /** Lights by their coefficients, and the map or the bands of a light as what stands behind the mesh. */
 
 import { floats, toHalf } from "./half.js";
-import { bandsOf, projectMap, radianceToward, windowFactors } from "./sh.js";
+import { bandsOf, projectMap, radianceToward } from "./sh.js";
+import { factorsFor } from "./windows.js";
 
 const BANDS = 10; // that a map is kept in
 const BLURRED = [64, 32]; // pixels of a background that is made of bands
@@ -34,7 +35,7 @@ function makeLight(name, coefficients, map) {
 
 /** What the bands of the method keep of a light, before it is turned. */
 function blurred(coefficients, { method, state }) {
-  const factors = windowFactors(state.window, state.width, method.bands);
+  const factors = factorsFor(state, coefficients, method.bands);
   const light = coefficients.slice(0, 3 * factors.length).map((value, i) => value * factors[Math.floor(i / 3)]);
   const [width, height] = BLURRED;
   const halfs = new Uint16Array(width * height * 3);

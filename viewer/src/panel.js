@@ -64,7 +64,7 @@ function refresh(scene) {
   const shown = {
     "against-row": state.show === "difference",
     "coefficient-row": state.show === "coefficient",
-    "width-row": state.window !== "none",
+    "width-row": state.window === "hann" || state.window === "lanczos",
     surface: Boolean(glossy),
     "phong-row": state.material === "phong",
     "ggx-row": state.material === "ggx",

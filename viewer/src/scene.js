@@ -3,9 +3,10 @@
 import { Camera, VIEWS } from "./camera.js";
 import { floats } from "./half.js";
 import { ggx, phong } from "./lobes.js";
-import { multiplier, rotateLight, windowFactors } from "./sh.js";
+import { multiplier, rotateLight } from "./sh.js";
 import { closedForm, COLOURED, GREY, limitOf, positions } from "./shapes.js";
 import { IDENTITY, matrixOf } from "./turns.js";
+import { factorsFor } from "./windows.js";
 
 const SHOWN = ["light", "difference", "coefficient", "standard_error", "predicted_error"];
 const FULL = 0.3; // difference, in shares of white, at which colours are full
@@ -190,9 +191,9 @@ export class Scene {
   /** The light as it shines now: turned and windowed, in the bands of the method. */
   light() {
     const { state, method } = this;
-    const cut = this.lights[state.light].coefficients.slice(0, 3 * method.bands ** 2);
-    const turned = rotateLight(cut, matrixOf(state.turn));
-    const factors = windowFactors(state.window, state.width, method.bands);
+    const { coefficients } = this.lights[state.light];
+    const turned = rotateLight(coefficients.slice(0, 3 * method.bands ** 2), matrixOf(state.turn));
+    const factors = factorsFor(state, coefficients, method.bands);
     return turned.map((value, i) => value * factors[Math.floor(i / 3)]);
   }
 

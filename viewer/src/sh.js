@@ -38,16 +38,6 @@ export function basis(x, y, z, bands, out) {
   return out;
 }
 
-/** Factor of each coefficient against ringing; the first band that vanishes is l = width. */
-export function windowFactors(kind, width, bands) {
-  const shapes = {
-    none: () => 1,
-    hann: (r) => (r < 1 ? (1 + Math.cos(Math.PI * r)) / 2 : 0),
-    lanczos: (r) => (r === 0 ? 1 : r < 1 ? Math.sin(Math.PI * r) / (Math.PI * r) : 0),
-  };
-  return bandIndex(bands).map((l) => shapes[kind](l / width));
-}
-
 /** Nodes and weights of Gauss and Legendre on [-1, 1]. */
 export function gaussLegendre(count) {
   return Array.from({ length: count }, (_, i) => {

@@ -16,6 +16,7 @@ from gash_jax.formats.hdr import open_hdr, write_hdr
 from gash_jax.light.brdf import ggx, phong
 from gash_jax.light.environment import project_map, rotate_light
 from gash_jax.light.studio import studio_light
+from gash_jax.light.windows import light_window
 from tests.helpers.bumpy import random_rotation
 
 SOURCES = Path(__file__).parents[3] / "viewer" / "src"
@@ -60,8 +61,25 @@ def test_products_are_those_of_the_library() -> None:
 
 @pytest.mark.parametrize("width", [2.0, 3.5])
 def test_windows_are_those_of_the_library(width: float) -> None:
-    found = node("sh.js", "['hann', 'lanczos', 'none'].map((kind) => m.windowFactors(kind, a[0], 5))", width)
+    found = node("windows.js", "['hann', 'lanczos', 'none'].map((kind) => m.windowFactors(kind, a[0], 5))", width)
     np.testing.assert_allclose(found, [hann_window(5, width), lanczos_window(5, width), np.ones(25)], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["radiance", "irradiance"])
+@pytest.mark.parametrize("name", ["a sun", "a studio", "colours", "even"])
+def test_the_least_windows_are_those_of_the_library(name: str, kind: str) -> None:
+    bands = {"a sun": 3, "a studio": 6, "colours": 4, "even": 4}[name]
+    image = np.ones((16, 32, 3), np.float32)
+    if name == "a studio":
+        image = studio_light(16)
+    elif name != "even":
+        image *= 0 if name == "a sun" else 0.05
+        image[4, 9], image[11, 20] = (400.0, 300.0, 0.0), (0.0, 2.0, 90.0)
+    light = project_map(image, bands)
+    found = node("windows.js", "m.leastWindow(Float64Array.from(a[0].flat()), a[1])", light, kind)
+    np.testing.assert_allclose(found, light_window(light, kind), atol=2e-4)
+    if name == "a sun" and kind == "radiance":
+        assert found[4] < 0.5  # so that something was searched for
 
 
 @pytest.mark.parametrize("bands", [3, 10])

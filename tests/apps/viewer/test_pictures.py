@@ -66,6 +66,7 @@ def close(found: np.ndarray, wanted: np.ndarray, where: np.ndarray) -> float:
         ("rotate=0.8,0.36,-0.48,0", 0, "back", {"turn": ASKEW}),
         ("window=hann:2.5", 0, "front", {"window": hann_window(3, 2.5)}),
         ("window=lanczos:3", 2, "front", {"window": lanczos_window(3, 3)}),
+        ("window=radiance&rotate=70", 1, "front", {"window": "radiance", "turn": SEVENTY}),
         ("material=phong:6", 0, "front", {"lobe": phong(6.0)}),
         ("material=ggx:0.45&rotate=70", 0, "side", {"lobe": ggx(0.45), "turn": SEVENTY}),
     ],
