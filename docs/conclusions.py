@@ -11,7 +11,7 @@ import numpy as np
 from docs.cga_table import seed_differences
 from docs.local_tables import faster
 from docs.method_names import method_name
-from experiments.neural_gash.variants import LONG
+from experiments.neural_gash.variants import LONG, READING, SHIPPED, Run
 
 Results = dict[str, dict[str, Any]]
 TARGET = 0.02
@@ -88,15 +88,13 @@ def ours(results: Results) -> str:
 def published(results: Results) -> str:
     """The papers' networks on unseen meshes."""
     result = results["neural_gash"]
-    ends = ("", "-long", "-vertex", "-vertex-long")
-    known = [f"{name}{end}" for name in LONG for end in ends if f"{name}{end}" in result["rows"][0]["methods"]]
+    named = [Run(variant, *READING, long=long).name for variant in LONG for long in (False, True)]
+    known = [name for name in named if name in result["rows"][0]["methods"]]
     skills = ", ".join(f"{method_name(name)} {_skill(result, name)}" for name in known)
     return (
         "**The published networks hardly carry over to meshes unlike those they were trained on.** Skill 0 is the "
         f"closed form, a formula without shadows; their median skills: {skills}. The MLP is the fastest of all, "
-        f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time. "
-        "These runs are in a reading of the paper that handicaps them; [another](choices.md#frames) is measured on "
-        "shapes of the corpus so far."
+        f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time."
     )
 
 
@@ -139,16 +137,15 @@ def trust(results: Results) -> str:
 def verdict(results: Results) -> str:
     """What the README says below the table of one mesh, from the tables of many."""
     result = results["neural_gash"]
-    mlp, two_stage = ("mlp-long", "two-stage-long")
+    mlp, two_stage = SHIPPED["mlp"], SHIPPED["two-stage"]
     rays = median_rays([row["methods"][mlp]["equivalent_rays"] for row in result["rows"]])
     return textwrap.fill(
         "That is one mesh on one machine. Over many unseen meshes ([results](docs/results.md)): timed side by side, "
         f"`local` takes less time than the plain bake of the same error on {faster(results['local_speed'])}. A plain "
         f"bake of {YARDSTICK_RAYS[-1]} rays or fewer has less error in less time than `two-stage`, the published graph "
         f"network, on {beaten(result, two_stage)}, and than `mlp` on {beaten(result, mlp)}; the error of `mlp` is that "
-        f"of {rays} rays at the median. Both are in a reading of the paper that handicaps the graph network "
-        "([choices](docs/choices.md#frames)). What networks offer is a prediction without rays, and the tables are "
-        "there to say what that costs.",
+        f"of {rays} rays at the median. What networks offer is a prediction without rays, and the tables are there to "
+        "say what that costs.",
         WIDTH,
         break_on_hyphens=False,
     )

@@ -37,12 +37,13 @@ def reading_name(frame: str, residual: bool) -> str:
 def method_name(key: str) -> str:
     """What a method of the results is called; names that are words already stay as they are."""
     base = key.removesuffix(" + AO")
-    run, short = RUNS.get(base), base.removesuffix("-long")
-    name = _NAMES.get(run.variant if run else short, short)
-    if base != short:
-        name += f", {LONG[run.variant if run else short] / 60:.0f} min"
-    if run and not run.shown:
-        name += f", {reading_name(run.frame, run.residual)}"
+    name = _NAMES.get(base, base)
+    if base in RUNS:
+        run, name = RUNS[base], _NAMES[RUNS[base].variant]
+        if run.long:
+            name += f", {LONG[run.variant] / 60:.0f} min"
+        if not run.shown:
+            name += f", {reading_name(run.frame, run.residual)}"
     return f"{name}; with ambient occlusion" if base != key else name
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from docs.baking_tables import origin
 from docs.local_tables import table
+from experiments.neural_gash.variants import SHIPPED
 from gash_jax.models.model import load_model, shipped_models
 
 ROOT = Path(__file__).parents[1]
 
 # the name under which the results know the shipped weights
-MEASURED = {"local": "local", "mlp": "mlp-long", "two-stage": "two-stage-long"}
+MEASURED = {"local": "local", **SHIPPED}
 WHAT = {
     "local": "Our own network over a tree of surfels; the default of `gash predict` and `load_model`.",
     "mlp": "The first paper's baseline: a motor of every vertex through an MLP, no neighbours.",

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from docs import local_tables
+from docs import local_tables, trial_tables
 from docs.baking_tables import origin
 from docs.cga_table import encodings
 from docs.conclusions import beaten, conclusions, median_rays
 from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
-from experiments.neural_gash.variants import LONG
+from docs.paper_statements import statements
+from experiments.neural_gash.linear import LinearMap
+from experiments.neural_gash.variants import LONG, READING, READINGS, RUNS
 
 ROOT = Path(__file__).parents[1]
 
@@ -38,7 +40,10 @@ def _median(values: list[Any], digits: int) -> str:
 
 
 def _methods(result: dict[str, Any]) -> list[str]:
-    return list(result["rows"][0]["methods"])
+    """What the tables show in full: of runs and linear maps those in their reading."""
+    elsewhere = {LinearMap.name_of(*reading) for reading in READINGS if reading != READING}
+    elsewhere |= {name for name, run in RUNS.items() if not run.shown}
+    return [name for name in result["rows"][0]["methods"] if name not in elsewhere]
 
 
 def _column(result: dict[str, Any], method: str, key: str) -> list[Any]:
@@ -152,9 +157,10 @@ def sweep(path: Path) -> str:
 
 def renewed(result: dict[str, Any]) -> str:
     """Where rows come from that were measured after the others."""
-    return "".join(
-        f" Row of {method_name(name)}: {origin(entry)}." for name, entry in result.get("renewed", {}).items()
-    )
+    by_origin: dict[str, list[str]] = {}
+    for name, entry in result.get("renewed", {}).items():
+        by_origin.setdefault(origin(entry), []).append(method_name(name))
+    return "".join(f" Measured later: {'; '.join(names)}: {where}." for where, names in by_origin.items())
 
 
 def trained_at(result: dict[str, Any]) -> str:
@@ -177,6 +183,9 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "NAMES": key_of_names(),
         "LONG": _long(),
         "SUMMARY": summary(result),
+        "READINGS": trial_tables.readings(result),
+        "TOLD": trial_tables.told(result),
+        "STATEMENTS": statements(result),
         "MESHES": per_mesh(result),
         "VISIBILITY": visibility(result),
         "COEFFICIENTS": coefficients(result),

@@ -50,6 +50,6 @@ def test_their_numbers_are_those_of_the_results(write: Any, results: dict[str, d
 
 
 def test_methods_have_names() -> None:
-    assert method_name("two-stage-long + AO") == "TransformerConv + GATv2, 90 min; with ambient occlusion"
+    assert method_name("two-stage-vertex-long + AO") == "TransformerConv + GATv2, 90 min; with ambient occlusion"
     assert method_name("plain bake, 8 rays") == "plain bake, 8 rays"
     assert {name for name in WHAT if "student" not in name and name not in ("teacher", "mlp-deep")} <= set(FAMILIES)

@@ -68,6 +68,9 @@ RUNS = {
     )
 }
 
+# the runs whose weights are in the package
+SHIPPED = {name: Run(name, *READING).name for name in LONG}
+
 
 def run_configs(runs: Path) -> dict[Path, Callable[[], RunConfig]]:
     """Run folders and what makes their configs, in the order to train them."""

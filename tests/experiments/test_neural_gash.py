@@ -12,7 +12,7 @@ from docs import results_page, trial_tables
 from docs.conclusions import median_rays
 from docs.method_names import method_name
 from experiments.local import speed, trust
-from experiments.neural_gash import evaluate, latency, linear, pictures, scene, stages, validation, variants
+from experiments.neural_gash import curves, evaluate, latency, linear, pictures, scene, stages, validation, variants
 from gash_jax.measure.reference import make_reference
 from gash_jax.models.examples import Item
 from gash_jax.models.families import build_model, model_config, model_graph
@@ -87,10 +87,26 @@ def test_methods_are_called_by_what_they_are() -> None:
     assert method_name("two-stage-world-residual + AO").startswith(
         "TransformerConv + GATv2, frame world, residual; with"
     )
-    assert (
-        method_name("mlp-vertex-long") == "MLP, 15 min" == method_name("mlp-long")
-        and method_name("closed form") == "closed form, no shadows"
-    )
+    assert method_name("mlp-vertex-long") == "MLP, 15 min" and method_name("closed form") == "closed form, no shadows"
+
+
+def test_curves_count_minutes_from_the_start_of_each_phase(tmp_path: Path) -> None:
+    def line(phase: str, seconds: float, **more: float) -> str:
+        return json.dumps({"phase": phase, "cpu_seconds": seconds, **more})
+
+    lines = [
+        line("visibility", 60.0, loss=1.0),
+        line("visibility", 180.0, validation=0.5, balanced_accuracy=0.7),
+        line("coefficients", 600.0, loss=1.0),
+        line("coefficients", 660.0, validation=0.5, skill=0.25),
+        line("coefficients", 780.0, validation=0.4, skill=0.5),
+    ]
+    for name in ("two-stage-vertex-long", "two-stage-vertex"):  # the second did not have long
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "metrics.jsonl").write_text("\n".join(lines))
+    result = curves.main(tmp_path, tmp_path / "curves.json")
+    assert [row["curve"] for row in result["rows"]] == [[[2.0, 0.7]], [[1.0, 0.25], [3.0, 0.5]]]
+    assert (tmp_path / "curves.png").stat().st_size > 5000
 
 
 @pytest.fixture(scope="module")
@@ -184,10 +200,12 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     told = row["methods"]["two-stage-vertex"]
     assert told["skill_predicted"] == pytest.approx(told["skill"], abs=1e-3) and "majority_accuracy" in told
     assert "graph_us" in told and "graph_us" not in row["methods"]["two-stage-world"]
-    assert "| linear in 25 rays, frame vertex |" in text
+    assert "| linear in 25 rays, frame vertex |" in text and "| linear in 25 rays, frame world |" not in text
+    skills = [f"{row['methods'][name]['skill']:.2f}" for name in ("two-stage-vertex", "two-stage-world")]
+    assert f"| TransformerConv + GATv2 | {skills[0]} ({skills[0]}) | - | {skills[1]} ({skills[1]}) | - | - |" in text
     renewed = evaluate.renew(["mlp-vertex"], tmp_path, None, tmp_path / "results.json", quick=True)
     assert renewed["rows"][0]["methods"]["mlp-vertex"]["skill"] == pytest.approx(row["methods"]["mlp-vertex"]["skill"])
-    assert "Row of MLP:" in results_page.renewed(renewed)
+    assert "Measured later: MLP:" in results_page.renewed(renewed)
 
 
 def test_sizes_of_the_corpora() -> None:
