@@ -32,9 +32,10 @@ def figure(rows: list[dict[str, Any]]) -> Figure:
     """One panel a measure."""
     drawn = Figure(figsize=(8, 3), layout="constrained")
     panels = dict(zip(SHOWN, drawn.subplots(1, len(SHOWN)), strict=True))
+    colours = {name: f"C{i}" for i, name in enumerate(dict.fromkeys(row["run"] for row in rows))}
     for row in rows:
         minutes, values = zip(*row["curve"], strict=True)
-        panels[row["phase"]].plot(minutes, values, label=method_name(row["run"]))
+        panels[row["phase"]].plot(minutes, values, color=colours[row["run"]], label=method_name(row["run"]))
     for phase, axes in panels.items():
         axes.set(xlabel="minutes of CPU time", ylabel=LABELS[SHOWN[phase]])
         axes.grid(alpha=0.3)
