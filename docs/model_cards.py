@@ -26,8 +26,9 @@ LIMITS = {
     "shapes like those of the corpus and no bound: the results have its calibration.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "
     "another orientation of the same mesh gets other coefficients.",
-    "two-stage": "Sees 16 nearest neighbours a layer, so nothing far; not equivariant; on most real meshes no better "
-    "than the closed form. Here to reproduce the paper.",
+    "two-stage": "Sees 16 nearest neighbours a layer, so nothing far: where shadows come from afar it can be much "
+    "worse than the closed form. Not equivariant: the twist of its frames is that of the paper's rotor. Here to "
+    "reproduce the paper.",
 }
 
 

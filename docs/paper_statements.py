@@ -10,7 +10,7 @@ import numpy as np
 from docs.local_tables import table
 from experiments.neural_gash.variants import READING, Run
 
-# the meshes that are marked `test`, by what they show; in neither: loose triangles, a planar sheet, and generated shapes
+# the meshes that are marked `test`, by what they show; in neither: loose triangles, a flat sheet, generated shapes
 ORGANIC = ("brain_pial_right", "face_open", "heart_coarse", "heart_lowpoly", "igea", "igea_30k", "spot", "suzanne")
 ORGANIC += ("max_planck_decimated", "stanford_bunny")
 MECHANICAL = ("beetle", "busted", "fandisk", "fixed_top", "pbrt_prt_teapot", "plate_holes", "quadknot", "teapot")

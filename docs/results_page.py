@@ -19,7 +19,7 @@ from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
 from docs.paper_statements import statements
 from experiments.neural_gash.linear import LinearMap
-from experiments.neural_gash.variants import LONG, READING, READINGS, RUNS
+from experiments.neural_gash.variants import LONG, READING, RUNS
 
 ROOT = Path(__file__).parents[1]
 
@@ -41,9 +41,9 @@ def _median(values: list[Any], digits: int) -> str:
 
 def _methods(result: dict[str, Any]) -> list[str]:
     """What the tables show in full: of runs and linear maps those in their reading."""
-    elsewhere = {LinearMap.name_of(*reading) for reading in READINGS if reading != READING}
-    elsewhere |= {name for name, run in RUNS.items() if not run.shown}
-    return [name for name in result["rows"][0]["methods"] if name not in elsewhere]
+    elsewhere = {name for name, run in RUNS.items() if not run.shown}
+    linear, kept = LinearMap.name_of(*READING), result["rows"][0]["methods"]
+    return [name for name in kept if name not in elsewhere and (name == linear or not name.startswith("linear"))]
 
 
 def _column(result: dict[str, Any], method: str, key: str) -> list[Any]:

@@ -877,8 +877,8 @@ def main(arguments: list[str]) -> int:
     try:
         deforms = read_file(arguments[0])[0].get("format") == "gash-deforming-model"
         model = (load_deforming if deforms else load_model)(arguments[0])
-        mesh = read_mesh(arguments[1])
-        write_transfer(arguments[2], predict_transfer(model, *mesh))
+        vertices, normals, faces = read_mesh(arguments[1])
+        write_transfer(arguments[2], predict_transfer(model, vertices, normals, faces))
     except (OSError, ValueError, KeyError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

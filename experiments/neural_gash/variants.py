@@ -69,7 +69,7 @@ RUNS = {
 }
 
 # the runs whose weights are in the package
-SHIPPED = {name: Run(name, *READING).name for name in LONG}
+SHIPPED = {name: Run(name, *READING, long=True).name for name in LONG}
 
 
 def run_configs(runs: Path) -> dict[Path, Callable[[], RunConfig]]:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 
@@ -39,7 +40,7 @@ def fail(capsys: pytest.CaptureFixture, *arguments: object) -> str:
     """The one line with which a command refuses."""
     with pytest.raises(Exception) as caught:
         run(*arguments)
-    text = caught.value.format_message() if hasattr(caught.value, "format_message") else str(caught.value)
+    text = caught.value.format_message() if isinstance(caught.value, click.ClickException) else str(caught.value)
     assert "\n" not in text
     return text
 
@@ -231,10 +232,10 @@ def test_the_sweep_of_shards_is_that_of_one_run(capsys: pytest.CaptureFixture) -
     run("sweep", "sweep.toml", "-o", "many", "--merge", 2, "--quiet")
     run("sweep", "sweep.toml", "-o", "one", "--quiet")
     assert _lines("many") == _lines("one") and len(_lines("one")) == 2
-    models = [
+    one, many = (
         {p.parent.name: read_npz(p, "model", ())[0] for p in Path(f).glob("runs/*/model.npz")} for f in ("one", "many")
-    ]
-    np.testing.assert_equal(*models)
+    )
+    np.testing.assert_equal(many, one)
     assert {"results.csv", "pareto.png"} <= set(os.listdir("many"))
     Path("many/results.jsonl").unlink()
     run("sweep", "sweep.toml", "-o", "many")  # without a merge, what shards did counts as well

@@ -11,38 +11,41 @@ from gash_jax.models.deep_prt import network_shapes
 from gash_jax.nn.unet import ResidualBlock, UNet, UNetConfig, _doubled
 from gash_jax.train.config import load_config
 
-KEY = jax.random.key(0)
-IMAGES = jax.random.normal(jax.random.key(1), (3, 16, 16, 6))
+IMAGES = np.random.default_rng(1).normal(size=(3, 16, 16, 6)).astype(np.float32)
 NETWORK = UNet(channels=2, levels=2, blocks=1, outputs=4)
-VARIABLES = NETWORK.init(KEY, IMAGES)
 
 
-def test_images_keep_their_size_and_outputs_are_shares() -> None:
-    found = jax.jit(NETWORK.apply)(VARIABLES, IMAGES)
+@pytest.fixture(scope="module")
+def variables() -> Any:
+    return NETWORK.init(jax.random.key(0), IMAGES)
+
+
+def test_images_keep_their_size_and_outputs_are_shares(variables: Any) -> None:
+    found = jax.jit(NETWORK.apply)(variables, IMAGES)
     assert found.shape == (3, 16, 16, 4) and found.min() > 0 and found.max() < 1  # type: ignore[union-attr]
-    one = jax.vmap(lambda image: NETWORK.apply(VARIABLES, image[None])[0])(IMAGES)  # type: ignore[index]
+    one = jax.vmap(lambda image: NETWORK.apply(variables, image[None])[0])(IMAGES)  # type: ignore[index]
     np.testing.assert_allclose(one, found, atol=1e-5)  # running means: no image depends on the others
-    slope = jax.grad(lambda x: NETWORK.apply(VARIABLES, x).sum())(IMAGES)  # type: ignore[union-attr]
+    slope = jax.grad(lambda x: NETWORK.apply(variables, x).sum())(IMAGES)  # type: ignore[union-attr]
     assert np.isfinite(slope).all() and np.abs(slope).max() > 0
 
 
-def test_every_texel_sees_the_whole_image() -> None:
+def test_every_texel_sees_the_whole_image(variables: Any) -> None:
     """Two halvings of 16 texels leave 4: both corners of an image are within one 3 x 3 of each other's blocks."""
-    slope = jax.grad(lambda x: NETWORK.apply(VARIABLES, x)[0, 0, 0].sum())(IMAGES)  # type: ignore[index]
+    slope = jax.grad(lambda x: NETWORK.apply(variables, x)[0, 0, 0].sum())(IMAGES)  # type: ignore[index]
     assert np.abs(np.asarray(slope)[0, 15]).max() > 0 and np.abs(np.asarray(slope)[1:]).max() == 0
 
 
-def test_training_normalises_by_the_batch_and_moves_the_running_means() -> None:
-    found, changed = NETWORK.apply(VARIABLES, IMAGES, training=True, mutable=["batch_stats"])
-    before, after = (jax.tree.leaves(part["batch_stats"]) for part in (VARIABLES, changed))
+def test_training_normalises_by_the_batch_and_moves_the_running_means(variables: Any) -> None:
+    found, changed = NETWORK.apply(variables, IMAGES, training=True, mutable=["batch_stats"])
+    before, after = (jax.tree.leaves(part["batch_stats"]) for part in (variables, changed))
     assert all(np.any(a != b) for a, b in zip(before, after, strict=True))
-    assert np.abs(found - NETWORK.apply(VARIABLES, IMAGES)).max() > 1e-3  # type: ignore[operator]
+    assert np.abs(found - NETWORK.apply(variables, IMAGES)).max() > 1e-3  # type: ignore[operator]
 
 
 def test_a_block_by_hand() -> None:
     """Kernels that pass their middle texel on: F(x) = 2 relu(3 x) and x + F(x), before the last ReLU."""
     block, x = ResidualBlock(1), jnp.array([[[1.0, -2.0], [0.5, 4.0]]])[..., None]
-    variables = block.init(KEY, x, False)
+    variables = block.init(jax.random.key(0), x, False)
     middle = jnp.zeros((3, 3, 1, 1)).at[1, 1].set(1.0)
     variables["params"]["first"]["kernel"], variables["params"]["second"]["kernel"] = 3 * middle, 2 * middle
     epsilon = 1e-5  # of batch normalisation, whose running variance starts at 1
@@ -51,7 +54,7 @@ def test_a_block_by_hand() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-5)
     assert "shortcut" not in variables["params"]
     halved = ResidualBlock(2, stride=2)
-    wide = halved.init(KEY, x, False)
+    wide = halved.init(jax.random.key(0), x, False)
     smaller: Any = halved.apply(wide, x, False)
     assert "shortcut" in wide["params"] and smaller.shape == (1, 1, 1, 2)
 

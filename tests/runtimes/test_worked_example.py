@@ -52,7 +52,8 @@ def test_the_package_says_the_same(name: str) -> None:
 
 def test_stages_of_the_package() -> None:
     graph = build_graph(MESH, "knn", 2)
-    motor = graph.nodes["motor"][example.VERTEX]  # type: ignore[index]
+    nodes: Any = graph.nodes
+    motor = nodes["motor"][example.VERTEX]
     for label, numbers in WRITTEN["motors"][:-1]:
         np.testing.assert_allclose(motor[int(label.split()[1])], numbers[0], atol=1e-5)
     assert len(WRITTEN["motors"]) - 1 == np.count_nonzero(motor)

@@ -26,7 +26,7 @@ def model_of(name: str) -> DeformingModel:
     rng, config = np.random.default_rng(0), from_dict(DEFORMING[name].config, {"name": name, "bands": 3})
     shapes = {**POSE_SHAPES, **DEFORMING[name].shapes(config)}
     arrays: dict[str, Any] = {
-        key: rng.normal(0, 0.3, [SIZES.get(str(side), side) for side in shape]) for key, shape in shapes.items()
+        key: rng.normal(0, 0.3, [SIZES.get(str(side)) or int(side) for side in shape]) for key, shape in shapes.items()
     }
     arrays |= {"pose/sample": rng.integers(0, SIZES["v"], 4), "pose/low": -np.ones(2), "pose/high": np.ones(2)}
     arrays |= {key: arrays[key].astype(np.float16) for key in HALVES}

@@ -34,7 +34,8 @@ def random_model(config: ModelConfig) -> Model:
 
 
 def written(model: Model) -> Any:
-    return onnx_model(model.config, flatten_dict(model.params, sep="/"), {"name": "test"})
+    arrays: Any = flatten_dict(model.params, sep="/")
+    return onnx_model(model.config, arrays, {"name": "test"})
 
 
 def session(model: Any) -> Any:
