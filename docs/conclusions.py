@@ -94,8 +94,8 @@ def published(results: Results) -> str:
     teacher, best = Run("teacher", *READING).name, numbers(result, known[-1], "skill")
     return (
         "**Given time and one frame, the published two-stage network beats a formula without shadows on most meshes, "
-        f"and plain bakes beat it.** Skill 0 is the closed form; median skills: {skills}. With {LONG['two-stage'] // 60} "
-        f"minutes it is above 0 on {np.count_nonzero(best > 0)} of {len(best)} meshes that have shadows, "
+        "and plain bakes beat it.** Skill 0 is the closed form; median skills: "
+        f"{skills}. With {LONG['two-stage'] // 60} minutes it is above 0 on {np.count_nonzero(best > 0)} of {len(best)} meshes that have shadows, "
         f"{best.min():.2f} at worst. Told the traced visibility of 25 directions, its second stage reaches "
         f"{_skill(result, teacher)}: what is missing is lost where 16 neighbours have to say what is far away. Read in "
         "the world's axes they are [worse](#how-the-paper-is-read). The MLP is the fastest of all, "
