@@ -95,8 +95,9 @@ def published(results: Results) -> str:
     return (
         "**Given time and one frame, the published two-stage network beats a formula without shadows on most meshes, "
         "and plain bakes beat it.** Skill 0 is the closed form; median skills: "
-        f"{skills}. With {LONG['two-stage'] // 60} minutes it is above 0 on {np.count_nonzero(best > 0)} of {len(best)} "
-        f"meshes that have shadows, {best.min():.2f} at worst. Told the traced visibility of 25 directions, its second stage reaches "
+        f"{skills}. With {LONG['two-stage'] // 60} minutes it is above 0 on {np.count_nonzero(best > 0)} of "
+        f"{len(best)} meshes that have shadows, {best.min():.2f} at worst. Told the traced visibility of 25 "
+        "directions, its second stage reaches "
         f"{_skill(result, teacher)}: what is missing is lost where 16 neighbours have to say what is far away. Read in "
         "the world's axes they are [worse](#how-the-paper-is-read). The MLP is the fastest of all, "
         f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time."

@@ -27,6 +27,11 @@ def run(*arguments: str) -> None:
     gash.main(list(arguments), standalone_mode=False)
 
 
+def apart(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own: jobs on this machine are its children, and what they leave ends with it."""
+    return subprocess.run([sys.executable, "-m", "gash_jax", *arguments], capture_output=True, text=True)
+
+
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to be in, and a cache of its own."""
@@ -111,10 +116,9 @@ def test_a_job_is_a_shard_of_a_command() -> None:
 
 
 @pytest.mark.slow
-def test_local_jobs_do_the_work_and_are_waited_for(cache: Path, capsys: pytest.CaptureFixture) -> None:
+def test_local_jobs_do_the_work_and_are_waited_for(cache: Path) -> None:
     pytest.importorskip("submitit", reason=WHY)
-    run(*TINY, "--cluster", "local", "--shards", "2")
-    assert "4 shapes to train on, 1 to validate" in capsys.readouterr().out
+    assert "4 shapes to train on, 1 to validate" in apart(*TINY, "--cluster", "local", "--shards", "2").stdout
     found = {path.name: path.read_bytes() for path in (cache / "corpus").iterdir()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("GASH_CACHE", "other")
@@ -122,9 +126,9 @@ def test_local_jobs_do_the_work_and_are_waited_for(cache: Path, capsys: pytest.C
     assert found == {path.name: path.read_bytes() for path in Path("other/corpus").iterdir()}
     Path("bad.ply").write_text("hello")
     save_mesh("good.ply", bumpy_sphere(3))
-    with pytest.raises(ConfigError, match="^1 of 2 jobs failed, what the others did is kept: shard 1/2: 1 of 1 meshes"):
-        run(*"bake bad.ply good.ply -o out --rays 4 --cluster local --shards 2".split())
-    assert Path("out/good.npz").is_file()
+    done = apart(*"bake bad.ply good.ply -o out --rays 4 --cluster local --shards 2".split())
+    assert "error: 1 of 2 jobs failed, what the others did is kept: shard 1/2: 1 of 1 meshes" in done.stderr
+    assert done.returncode != 0 and Path("out/good.npz").is_file()
 
 
 def _children(pid: int) -> list[int]:
