@@ -38,10 +38,10 @@ def export(run: Path, output: Path, half: bool, quiet: bool) -> None:
 
     RUN may also be a weights file, or the name of weights that ship.
     """
+    check_writable(output, [run, run / "model.npz", *run.glob("*.json*")])
     if output.suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"cannot write {output}: give a name that ends in {' or '.join(SUFFIXES)}")
     graphs = _graph_writer() if output.suffix.lower() == ".onnx" else None
-    check_writable(output, [run, run / "model.npz", *run.glob("*.json*")])
     file = _model_file(run)
     if file and is_deforming(file):
         weights, count = _deforming(file, output, half, written=graphs is None)
