@@ -132,5 +132,9 @@ def test_what_does_not_go_together_is_refused(textures: Path, folder: Path, tmp_
     np.savez(tmp_path / "motion.npz", vertices=np.zeros((2, 3, 3), np.float32), faces=np.array([[0, 1, 2]]))
     with pytest.raises(FileError, match="run gash animate"):
         run("view", tmp_path / "motion.npz", "-o", target, "--quiet")
+    with pytest.raises(FileError, match="no such file: absent.hdr"):
+        run("view", many, "--light", "absent.hdr", "-o", target, "--quiet")
+    run("view", many, "--light", "sun-sky:elevation=30", "-o", target, "--quiet")
+    assert 'data-name="sun-sky:elevation=30"' in target.read_text()
     page = gash_jax.view({"one": load_texture(many), "other": load_texture(many)})
     assert page.html.count('data-kind="transfer"') == 2

@@ -24,7 +24,9 @@ RAYS, MODEL = 256, "local"  # of a mesh that comes without its transfer
 
 @click.command(cls=Command, epilog="gash view bunny.npz predicted.npz --light studio.hdr -o bunny.html")
 @click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE...")
-@click.option("--light", "lights", multiple=True, type=PATH, help="Map (.hdr, .exr) or light (.npz); several times.")
+@click.option(
+    "--light", "lights", multiple=True, type=PATH, help="Map (.hdr, .exr), light (.npz) or its name; several times."
+)
 @layout_option
 @up_option
 @click.option("-o", "--output", type=PATH, help="Page to write (.html).  [default: a temporary one, in your browser]")

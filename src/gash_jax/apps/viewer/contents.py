@@ -93,12 +93,14 @@ def distinct(names: Sequence[str], files: Sequence[str]) -> list[str]:
 
 
 def map_file(path: Path, bands: int, layout: str | None = None, progress: Progress | None = None) -> PageFile:
-    """The page's file of an environment map in 10 bands, or of a light file in as many as are needed.
+    """The page's file of an environment map or a light by name in 10 bands, of a light file in as many as are needed.
 
     Raises LightError and FileError, one line, as `load_light` does.
     """
     if path.suffix.lower() == ".npz":
         return light_file(load_light(path, bands, layout), path.name)
+    if not path.exists():  # a light by name, or the error that says what there is
+        return light_file(load_light(path, MAX_BANDS, layout), str(path))
     picture = read_map(path, progress)
     found, note = layout_of(picture.radiance, layout or picture.layout)
     coefficients = project_map(picture.radiance, MAX_BANDS, found)
