@@ -102,9 +102,9 @@ def published(results: Results) -> str:
         "**Given time and one frame, the published two-stage network beats a formula without shadows on most meshes, "
         "and plain bakes beat it.** Skill 0 is the closed form; median skills: "
         f"{skills}. With {LONG['two-stage'] // 60} minutes it is above 0 on {np.count_nonzero(best > 0)} of "
-        f"{len(best)} meshes that have shadows, {best.min():.2f} at worst. {told}Read in the world's axes they are "
-        f"[worse](#how-the-paper-is-read). The MLP is the fastest of all, {_time(result, known[0]):.1f} us a vertex, "
-        "and the graph networks lose to plain bakes in error and in time."
+        f"{len(best)} meshes that have shadows, {best.min():.2f} at worst. {told}"
+        "Those that were tried in the world's axes are [worse](#how-the-paper-is-read). The MLP is the fastest of all, "
+        f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time."
     )
 
 

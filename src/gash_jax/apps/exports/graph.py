@@ -1,7 +1,7 @@
 """An ONNX graph that is written as arithmetic: values are added, multiplied and gathered, and nodes come of it.
 
-Opset 15, the newest that Unity's Inference Engine reads in full; with the axes of sums as an input and those of means
-and maxima as an attribute, as that opset has them. Whatever is not float32 says so. Weights in float16 stand in the
+Opset 15: an older one is read by more programs. It takes the axes of sums as an input and those of means and maxima as
+an attribute. Whatever is not float32 says so. Weights in float16 stand in the
 file as they are and are cast once.
 """
 
