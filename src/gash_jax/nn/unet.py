@@ -29,7 +29,9 @@ class UNetConfig(ModelConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.size % 2**self.levels:
-            raise ValueError(f"images of {self.size} texels cannot be halved {self.levels} times: use a multiple")
+            raise ValueError(
+                f"images of {self.size} texels cannot be halved {self.levels} times: use a multiple of {2**self.levels}"
+            )
 
 
 class ResidualBlock(nn.Module):
