@@ -1,16 +1,20 @@
-"""ONNX files of models of one object: both kinds equal JAX, in every pose, also where a frame has vanished."""
+"""ONNX files of models of one object: all kinds equal JAX, in every pose, also where a frame has vanished."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gash_jax.files.atomic import FileError
 from gash_jax.files.settings import from_dict
+from gash_jax.geometry.geometry_image import geometry_image
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.parameterisation import parameterise
+from gash_jax.models.deep_prt import image_arrays, network_shapes
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.deforming_model import HALVES, DeformingModel
 from gash_jax.models.pose_reader import POSE_SHAPES
-from gash_jax.shapes.primitives import bumpy_sphere
+from gash_jax.nn.unet import UNetConfig
+from gash_jax.shapes.primitives import bumpy_sphere, plane
 
 pytest.importorskip("onnx", reason="needs the extra onnx: pip install onnx")
 ort = pytest.importorskip("onnxruntime", reason="needs onnxruntime to run what was exported")
@@ -41,10 +45,34 @@ def run(proto: Any, pose: Any) -> np.ndarray:
     return ready.run(None, {entry.name: given[entry.name] for entry in ready.get_inputs()})[0]
 
 
-def test_the_network_over_images_is_refused() -> None:
-    config = from_dict(DEFORMING["deep-prt"].config, {"name": "deep-prt"})
-    with pytest.raises(FileError, match="deep-prt has no ONNX graph"):
-        onnx_model(config, {}, {})
+def image_model(mesh: Mesh, blocks: int = 1) -> DeformingModel:
+    """`deep-prt` with random weights and running means."""
+    config, rng = (
+        UNetConfig("deep-prt", bands=2, size=16, channels=3, levels=2, blocks=blocks),
+        np.random.default_rng(1),
+    )
+    arrays: dict[str, Any] = image_arrays(geometry_image(parameterise(mesh), config.size), mesh)
+    for name, shape in network_shapes(config).items():
+        arrays[name] = rng.uniform(0.5, 2, shape) if name.endswith("/var") else rng.normal(0, 0.3, shape)
+    pose = {"pose/sample": np.zeros(1), "pose/still": np.zeros((1, 3)), "pose/matrix": np.zeros((3, 1))}
+    pose |= {"pose/low": np.zeros(1), "pose/high": np.zeros(1)}
+    ranges = {"low": -np.arange(4.0), "high": 1 + np.arange(4.0)}
+    return DeformingModel(config, {**pose, **arrays, **ranges}, mesh, {})
+
+
+@pytest.mark.parametrize(("mesh", "blocks"), [(MESH, 2), (plane(1.0, 7), 1)])
+def test_the_network_over_images_equals_jax(mesh: Mesh, blocks: int) -> None:
+    """A closed mesh, which is cut, and an open one, whose vertices all stand in the image once."""
+    model = image_model(mesh, blocks)
+    proto = onnx_model(model.config, model.arrays, {})
+    assert not {"Scatter", "ScatterND", "ScatterElements", "Loop", "Scan"} & set(operators(proto))
+    assert proto.graph.output[0].type.tensor_type.shape.dim[0].dim_value == len(mesh.vertices)
+    told = []
+    for positions in (mesh.vertices, 0.5 * mesh.vertices[:, [1, 2, 0]] + 1, np.zeros_like(mesh.vertices)):
+        pose = model.pose(positions)
+        told.append(np.asarray(model.coefficients(pose)))
+        np.testing.assert_allclose(run(proto, pose), told[-1], rtol=0, atol=1e-5 * np.abs(told[-1]).max())
+    assert np.abs(told[1] - told[0]).max() > 1e-2, "the pose must matter, or any graph would pass"
 
 
 @pytest.mark.parametrize("name", ["momo-prt", "deform"])

@@ -78,7 +78,9 @@ def _model_file(run: Path) -> Path | None:
 def _deforming(file: Path, output: Path, half: bool, written: bool) -> tuple[Weights, int]:
     """A model of one object that deforms; as .npz where it is to be `written`."""
     if half:
-        raise FileError("the large arrays of a model of one object are float16 already: leave out --half")
+        raise FileError(
+            "a model of one object is not rounded, its large arrays are float16 where they may be: leave out --half"
+        )
     fitted = load_deforming_model(file)
     if written:
         save_deforming_model(output, fitted.config, fitted.arrays, fitted.mesh, **fitted.metadata)

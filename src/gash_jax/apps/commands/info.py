@@ -22,6 +22,7 @@ from gash_jax.formats.others import OTHERS
 from gash_jax.formats.picture import LightError
 
 CONFIGS = (".toml", ".json")
+ONNX = ".onnx"
 RESULTS, RUN = "results.jsonl", "config.json"
 
 
@@ -29,7 +30,7 @@ RESULTS, RUN = "results.jsonl", "config.json"
 @click.argument("file", type=PATH)
 @json_option
 def info(file: Path, as_json: bool) -> None:
-    """Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash wrote."""
+    """Say what FILE holds: a mesh with its health, an animation, a map, a config, an ONNX file, what gash wrote."""
     values = _describe(file)
     click.echo(json.dumps(values) if as_json else "\n".join(_lines(values)))
 
@@ -46,9 +47,11 @@ def _describe(path: Path) -> dict[str, Any]:
         return _map(path)
     if suffix in CONFIGS:
         return _config(path)
+    if suffix == ONNX:
+        return _onnx(path)
     if suffix in READERS or suffix in OTHERS:
         return _mesh(path) | (_animation(path) if suffix in GLTF and moves(path) else {})
-    known = " ".join([*READERS, *OTHERS, *SUFFIXES, ".npz", *CONFIGS])
+    known = " ".join([*READERS, *OTHERS, *SUFFIXES, ".npz", *CONFIGS, ONNX])
     raise FileError(f"{path}: not a kind of file that gash knows; known are {known}, folders of runs and of sweeps")
 
 
@@ -153,6 +156,14 @@ def _config(path: Path) -> dict[str, Any]:
     return {"kind": "config", **load_config(path).to_dict()}
 
 
+def _onnx(path: Path) -> dict[str, Any]:
+    try:
+        from gash_jax.apps.exports.onnx_reader import describe_onnx
+    except ModuleNotFoundError as error:
+        raise click.ClickException(f"{error.name} is not installed: pip install 'gash-jax[onnx]'") from None
+    return describe_onnx(path)
+
+
 def _folder(path: Path) -> dict[str, Any]:
     """What a run or a sweep has come to. Raises FileError for another folder."""
     from gash_jax.train.checkpoint import has_checkpoint
@@ -181,7 +192,10 @@ def _lines(entries: dict[str, Any], indent: str = "") -> list[str]:
     """The same for people: one line an entry, nested entries indented."""
     lines = []
     for key, value in entries.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and {"type", "shape"} <= value.keys():  # an array of an ONNX file
+            sides = ", ".join(map(str, value["shape"]))
+            lines.append(f"{indent}{key}: {value['type']} ({sides}) {value.get('meaning', '')}".rstrip())
+        elif isinstance(value, dict):
             lines += [f"{indent}{key}:", *_lines(value, indent + "  ")]
         elif isinstance(value, list) and any(isinstance(entry, str) for entry in value):
             lines += [f"{indent}{key}:", *(f"{indent}  {entry}" for entry in value)]

@@ -32,9 +32,9 @@ def write_deform(g: Graph, config: Any) -> Value:
     far = ((apart * apart).sum(2).maximum(1e-12) * 3.0).apply("Sqrt") / REACH
     kernel = (1.0 + far) * (-far).apply("Exp")
     scores = (kernel.unsqueeze(1) @ g.weight("weights")).reshape(-1, g.weights["weights"].shape[2])
-    of_vertex = scores.take(_indices(g, "patch")).unsqueeze(2)
+    of_vertex = scores.take(indices(g, "patch")).unsqueeze(2)
     local = g.weight("mean") + (g.weight("basis") @ of_vertex).reshape(count, size)
-    axes = _frames(g, components(_position(g)), components(normals))
+    axes = _frames(g, components(_own_position(g)), components(normals))
     frames = g.stack([g.stack(axis) for axis in axes])
     turned = rotate_coefficients(g, local, frames, config.bands)
     whole = dot(axes[0], axes[0]).unsqueeze(1) > 0.0
@@ -42,25 +42,29 @@ def write_deform(g: Graph, config: Any) -> Value:
     return zero_without_normal(g, found, normals)
 
 
-def _position(g: Graph) -> Value:
-    count = g.weights["mean"].shape[0]
+def pose_position(g: Graph, count: int) -> Value:
+    """Positions of a pose, (v, 3), of the `count` vertices of the object."""
     return g.input("position", (count, 3), "position of each vertex in the pose, in the units of the fitted object")
 
 
-def _indices(g: Graph, name: str) -> Value:
+def _own_position(g: Graph) -> Value:
+    return pose_position(g, g.weights["mean"].shape[0])
+
+
+def indices(g: Graph, name: str) -> Value:
     """Indices, which model files hold as float32."""
     return g.constant(g.weights[name].astype(np.int64))
 
 
 def _pose(g: Graph) -> Value:
     """The numbers of the pose, (1, p), held to the range of training."""
-    apart = _position(g).take(_indices(g, "pose/sample")) - g.weight("pose/still")
+    apart = _own_position(g).take(indices(g, "pose/sample")) - g.weight("pose/still")
     return (apart.reshape(1, -1) @ g.weight("pose/matrix")).clip(g.weight("pose/low"), g.weight("pose/high"))
 
 
 def _frames(g: Graph, position: list[Value], normal: list[Value]) -> list[list[Value]]:
     """Axes of the frames, components of each: along an edge, across it, the normal; 0 where the edge has vanished."""
-    neighbour = _indices(g, "neighbour")
+    neighbour = indices(g, "neighbour")
     edge = [component.take(neighbour) - component for component in position]
     upward = dot(edge, normal)
     first = unit_vectors(g, [e - upward * n for e, n in zip(edge, normal, strict=True)])

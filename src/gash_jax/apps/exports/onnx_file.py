@@ -17,6 +17,7 @@ from onnx import checker, helper  # type: ignore[import-not-found]
 
 from gash_jax.apps.exports.deforming import write_deform, write_momo
 from gash_jax.apps.exports.graph import IR_VERSION, OPSET, Axis, Graph, Value
+from gash_jax.apps.exports.image_net import write_deep_prt
 from gash_jax.apps.exports.inputs import VERTICES
 from gash_jax.apps.exports.motor_nets import write_gnn, write_mlp, write_teacher, write_two_stage
 from gash_jax.apps.exports.ring_net import write_ring_net
@@ -37,7 +38,10 @@ WRITERS: dict[str, Callable[[Graph, Any], Written]] = {
     "local": write_surfel_net,
     "momo-prt": write_momo,
     "deform": write_deform,
+    "deep-prt": write_deep_prt,
 }
+# weights of models of one object that have a row for each of its vertices
+PER_VERTEX = ("mean", "image/texels")
 
 
 def onnx_model(config: ModelConfig, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> Any:
@@ -52,7 +56,7 @@ def onnx_model(config: ModelConfig, arrays: Mapping[str, np.ndarray], metadata: 
     values = written if isinstance(written, tuple) else (written,)
     names = ("coefficients", "predicted_error")
     meanings = ("transfer coefficients of each vertex, k = l*l + l + m", "RMS error to expect of each coefficient")
-    rows: Axis = arrays["mean"].shape[0] if "mean" in arrays else VERTICES
+    rows: Axis = next((len(arrays[name]) for name in PER_VERTEX if name in arrays), VERTICES)
     for name, value, meaning in zip(names, values, meanings, strict=False):
         graph.output(name, value, (rows, config.bands**2), meaning)
     proto = helper.make_graph(graph.nodes, config.name, graph.inputs, graph.outputs, graph.initializers)
