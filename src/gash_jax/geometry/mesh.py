@@ -206,7 +206,9 @@ def lengths(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
 
 def _corners(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     points = np.asarray(vertices, dtype=np.float64)  # differences of float32 numbers are exact in float64
-    return points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
+    columns = np.ascontiguousarray(points.T)  # one contiguous array a component, here and in all that follows
+    a, b, c = (np.take(columns, corner, axis=1).T for corner in faces.T)
+    return a, b, c
 
 
 def _cross(u: np.ndarray, w: np.ndarray) -> np.ndarray:

@@ -14,7 +14,16 @@ from jaxtyping import Bool, Float
 
 from gash_jax.geometry.mesh import Mesh, lengths, referenced, vector_areas
 
+SHORT = 3072  # OpenBLAS takes threads from 9216 numbers of a matrix on, and from 10000 of a vector
 ROUNDING = 1e-9  # of half the diagonal: a smaller radius is what float64 left of 0
+
+
+def long_product(left: Float[np.ndarray, "... n"], right: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "..."]:
+    """left @ right over a long axis n, in parts so short that BLAS does not start threads.
+
+    Those wait for more work by keeping their cores busy, for tens of milliseconds after some microseconds of it.
+    """
+    return sum(left[..., i : i + SHORT] @ right[i : i + SHORT] for i in range(0, max(len(right), 1), SHORT))
 
 
 class NormalisedMesh:
@@ -36,8 +45,10 @@ class NormalisedMesh:
     @cached_property
     def box(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of the bounding box of the referenced vertices, of which there must be one."""
-        points = self.mesh.vertices[self.referenced].astype(np.float64)
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        used = self.referenced
+        points = self.mesh.vertices if used.all() else self.mesh.vertices[used]
+        columns = points.T.astype(np.float64, order="C")  # a row of three numbers is too short to reduce over
+        return np.stack([columns.min(axis=1), columns.max(axis=1)])
 
     @cached_property
     def center(self) -> Float[np.ndarray, "3"]:
@@ -65,8 +76,8 @@ class NormalisedMesh:
         points, total = self.mesh.vertices.astype(np.float64), max(self.areas.sum(), np.finfo(float).tiny)
         first, second, third = (np.take(points, self.mesh.faces[:, i], axis=0) for i in range(3))
         middles = (first + second + third) / 3
-        middles -= self.areas @ middles / total
-        radius = float(np.sqrt(self.areas @ np.einsum("fi,fi->f", middles, middles) / total))
+        middles -= long_product(self.areas, middles) / total
+        radius = float(np.sqrt(long_product(self.areas, np.einsum("fi,fi->f", middles, middles)) / total))
         return radius if radius > ROUNDING * self.half_diagonal else 0.0
 
     def positions(self, unit: float) -> Float[np.ndarray, "v 3"]:

@@ -58,6 +58,9 @@ def first_of_duplicates(faces: Int[np.ndarray, "f 3"], vertex_count: int) -> Int
     if vertex_count > 2_000_000:  # three indices would overflow one int64
         pair = np.unique(pair, return_inverse=True)[1]
     key = pair * vertex_count + ordered[:, 2]
+    rising = np.sort(key)
+    if (rising[1:] != rising[:-1]).all():  # as nearly always, and numbers are sorted faster than their order is found
+        return np.arange(len(key))
     order = np.argsort(key, kind="stable")
     new = np.ones(len(key), dtype=bool)
     new[1:] = key[order][1:] != key[order][:-1]
