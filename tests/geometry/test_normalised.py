@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gash_jax.geometry import normalised
 from gash_jax.geometry.mesh import Mesh, face_areas, subdivide_midpoint, transform, vector_areas
-from gash_jax.geometry.normalised import NormalisedMesh
+from gash_jax.geometry.normalised import SHORT, NormalisedMesh, long_product
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import surfel_graph
 from gash_jax.prt.rays import trace_geometry
@@ -108,3 +108,11 @@ def test_faces_of_one_centroid_have_no_radius() -> None:
     for count in (1, 1000):
         face = np.tile(np.array([[0, 1, 2]], np.int32), (count, 1))
         assert [NormalisedMesh(Mesh(triangle, 0 * triangle, face)).radius for triangle in corners] == [0] * 20
+
+
+@pytest.mark.parametrize("length", [0, 1, SHORT, 2 * SHORT + 5])
+def test_long_products_are_products(length: int) -> None:
+    rng = np.random.default_rng(0)
+    left, right = rng.normal(size=(3, length)), rng.normal(size=(length, 2))
+    np.testing.assert_allclose(long_product(left, right), left @ right, rtol=1e-12, atol=1e-10)
+    np.testing.assert_allclose(long_product(left[0], right[:, 0]), left[0] @ right[:, 0], rtol=1e-12, atol=1e-10)

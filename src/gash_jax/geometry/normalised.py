@@ -8,6 +8,7 @@ part is triangulated, which the vertices do. Everything is float64.
 """
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,8 +19,8 @@ SHORT = 3072  # OpenBLAS takes threads from 9216 numbers of a matrix on, and fro
 ROUNDING = 1e-9  # of half the diagonal: a smaller radius is what float64 left of 0
 
 
-def long_product(left: Float[np.ndarray, "... n"], right: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "..."]:
-    """left @ right over a long axis n, in parts so short that BLAS does not start threads.
+def long_product(left: Float[np.ndarray, "*a n"], right: Float[np.ndarray, "n *b"]) -> Any:
+    """left @ right, "*a *b", over a long axis n, in parts so short that BLAS does not start threads.
 
     Those wait for more work by keeping their cores busy, for tens of milliseconds after some microseconds of it.
     """
