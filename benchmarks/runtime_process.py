@@ -3,8 +3,8 @@
     python -m benchmarks.runtime_process jax|onnx|numpy MODEL ARRAYS.npz OUT.npy REPEATS
 
 Nothing is imported that the runtime does not need itself. Prints JSON: medians in milliseconds of wall time and of CPU
-time of all threads, and the peak of resident memory in MiB (Linux). `jax` and `numpy` start from the mesh; `onnx` starts from
-what the package has made of it, so what it needs for that is not among its numbers.
+time of all threads, and the peak of resident memory in MiB (Linux). `jax` and `numpy` start from the mesh; `onnx`
+starts from what the package has made of it, so what that costs is not among its numbers.
 """
 
 import json
@@ -41,7 +41,7 @@ def in_onnx(model: str, arrays: dict[str, np.ndarray]) -> Prediction:
 
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
     given = {entry.name: arrays[entry.name] for entry in session.get_inputs()}
-    return lambda: (0.0, session.run(["coefficients"], given)[0])
+    return lambda: (0.0, np.asarray(session.run(["coefficients"], given)[0]))
 
 
 def in_numpy(model: str, arrays: dict[str, np.ndarray]) -> Prediction:
@@ -64,7 +64,7 @@ def main(runtime: str, model: str, arrays: str, output: str, repeats: int) -> di
     """Predict once to warm up, then `repeats` times."""
     with np.load(arrays) as archive:
         predict = RUNTIMES[runtime](model, dict(archive))
-    predict()
+    _, coefficients = predict()
     rows = []
     for _ in range(repeats):
         wall, cpu = time.perf_counter(), time.process_time()

@@ -43,9 +43,9 @@ def write_files(name: str, resolution: int, folder: Path) -> tuple[dict[str, Pat
     weights: Any = flatten_dict(model.params, sep="/")
     arrays = {key: np.asarray(leaf, np.float32) for key, leaf in weights.items()}
     save_onnx(folder / "model.onnx", onnx_model(model.config, arrays, {}))
-    given = onnx_inputs(model, model.graph(mesh))
-    # `local` calls by other names what is of a block, and no other network reads "normals"
-    np.savez(folder / "arrays.npz", vertices=mesh.vertices, normals=mesh.normals, faces=mesh.faces, **given)
+    # no input of a network has the name of one of the mesh's own arrays
+    every: dict[str, Any] = {**mesh._asdict(), **onnx_inputs(model, model.graph(mesh))}
+    np.savez(folder / "arrays.npz", **every)
     files = {"jax": model_file(name), "onnx": folder / "model.onnx", "numpy": model_file(name)}
     return files, folder / "arrays.npz", len(mesh.vertices)
 

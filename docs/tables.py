@@ -17,6 +17,7 @@ from docs import (
     gloss_tables,
     light_tables,
     rotation_tables,
+    runtime_tables,
     service_tables,
     texture_tables,
     trial_tables,
@@ -140,6 +141,7 @@ TABLES = (
     Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
     Table("docs/deforming.md", "DEFORMING", deforming_table, "deforming.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
+    Table("docs/model_file.md", "RUNTIMES", runtime_tables.runtime_table, "runtimes.json"),
     *(Table("docs/model_file.md", name, render, "model_example.json") for name, render in stage_tables()),
 )
 
