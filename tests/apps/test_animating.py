@@ -3,12 +3,13 @@
 import json
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
 from gash_jax.apps.cli import gash
 from gash_jax.files.atomic import FileError
-from gash_jax.files.npz import read_npz, write_npz_rows
+from gash_jax.files.npz import Rows, read_npz, write_npz_rows
 from gash_jax.files.settings import ConfigError
 from gash_jax.formats.animations import load_animation
 from gash_jax.geometry.mesh import MeshError
@@ -47,6 +48,31 @@ def test_a_bake_is_the_bake_of_every_frame(folder: Path, capsys: pytest.CaptureF
     mesh = list(posed_meshes(load_animation(folder / "frames.npz")))[4]
     expected = bake_transfer(mesh, 2, 8, replicates=1, seed=4).coefficients
     np.testing.assert_array_equal(arrays["coefficients"][4], expected.astype(np.float16))
+    np.testing.assert_array_equal(arrays["vertices"][4], mesh.vertices)
+    np.testing.assert_array_equal(arrays["normals"][4], mesh.normals.astype(np.float16))
+    assert "visibility" not in arrays
+
+
+def test_a_glossy_bake_says_what_every_vertex_sees(folder: Path) -> None:
+    options = ("--bands", 2, "--rays", 8, "--glossy", "--vertices", "0:100", "--rest", "occlude", "--quiet")
+    run("animate", folder / "frames.npz", "-o", folder / "glossy.npz", *options)
+    arrays, metadata = read_npz(folder / "glossy.npz", "transfer", ())
+    mesh = list(posed_meshes(load_animation(folder / "frames.npz")))[4]
+    expected = bake_transfer(mesh, 2, 8, replicates=1, seed=4, rows=slice(0, 100), glossy=True)
+    np.testing.assert_array_equal(arrays["visibility"][4], np.asarray(expected.visibility))
+    np.testing.assert_array_equal(arrays["vertices"][4], mesh.vertices[:100])
+    assert metadata["parameters"] == {"rays": 8, "rows": [0, 100], "glossy": True}
+    with pytest.raises(click.UsageError, match="--glossy is baked"):
+        run("animate", folder / "frames.npz", "-o", folder / "new", "--model", folder / "run", "--glossy")
+
+
+def test_the_page_shows_what_was_baked_and_what_was_said(folder: Path, tmp_path: Path) -> None:
+    options = ("--bands", 2, "--rays", 8, "--quiet")
+    run("animate", folder / "frames.npz", "-o", tmp_path / "baked.npz", *options)
+    run("animate", folder / "frames.npz", "-o", tmp_path / "said.npz", "--model", folder / "run", "--quiet")
+    run("view", tmp_path / "baked.npz", tmp_path / "said.npz", "-o", tmp_path / "page.html", "--quiet")
+    text = (tmp_path / "page.html").read_text()
+    assert 'data-name="bake, 8 rays a vertex"' in text and 'data-name="deform"' in text
 
 
 def test_a_run_is_fitted_tested_exported_and_used(folder: Path, capsys: pytest.CaptureFixture) -> None:
@@ -123,11 +149,13 @@ def test_what_does_not_fit_is_refused(folder: Path, error: type, match: str, arg
 
 def test_rows_that_do_not_fill_a_file_leave_none(tmp_path: Path) -> None:
     path, rows = tmp_path / "rows.npz", np.arange(12.0).reshape(3, 4)
-    write_npz_rows(path, "rows", iter(rows), (3, 4), {"other": np.ones(2)}, {"kind": "test"})
+    large = {"rows": Rows(iter(rows), (3, 4)), "wide": Rows(iter(rows / 7), (3, 4), "<f4")}
+    write_npz_rows(path, large, {"other": np.ones(2)}, {"kind": "test"})
     arrays, metadata = read_npz(path, "rows", ("rows", "other"))
     np.testing.assert_array_equal(arrays["rows"], rows)
+    np.testing.assert_array_equal(arrays["wide"], (rows / 7).astype(np.float32))
     assert metadata == {"kind": "test"} and arrays["rows"].dtype == np.float16
     for shape in ((2, 4), (4, 4), (3, 5)):
         with pytest.raises(FileError, match="cannot write"):
-            write_npz_rows(tmp_path / "no.npz", "rows", iter(rows), shape, {}, {})
+            write_npz_rows(tmp_path / "no.npz", {"rows": Rows(iter(rows), shape)}, {}, {})
     assert [path.name for path in tmp_path.iterdir()] == ["rows.npz"]

@@ -41,7 +41,8 @@ def test_the_strip_has_a_row_for_each_way_and_a_column_for_each_frame(tmp_path: 
     files = []
     for number, mesh in enumerate(posed_meshes(moving)):
         path = tmp_path / f"{number}.npz"
-        write_frames(path, np.asarray(unshadowed_transfer(mesh.normals, 4), np.float16)[None], 0.0, 0.0)
+        found = np.asarray(unshadowed_transfer(mesh.normals, 4), np.float16)[None]
+        write_frames(path, {"coefficients": found}, 0.0, 0.0)
         files.append(path)
     truth = Truth(scene, 4, 1, tuple(files), 0.0, 0.0)
     config = DeformConfig("deform", 4, patches=2)

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gash_jax.prt.sequence import bake_pose, moving_scene, posed_meshes
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.sequence import bake_frame, bake_pose, moving_scene, posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import truth
@@ -20,11 +21,11 @@ def baked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setenv("GASH_CACHE", str(tmp_path))
     seeds: list[int] = []
 
-    def counted(*arguments: object) -> np.ndarray:
-        seeds.append(arguments[-1])  # type: ignore[arg-type]
-        return bake_pose(*arguments)  # type: ignore[arg-type]
+    def counted(*arguments: object) -> dict[str, np.ndarray]:
+        seeds.append(arguments[4])  # type: ignore[arg-type]
+        return bake_frame(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(truth, "bake_pose", counted)
+    monkeypatch.setattr(truth, "bake_frame", counted)
     return seeds
 
 
@@ -38,6 +39,24 @@ def test_every_frame_is_baked_once_with_its_own_seed(baked: list[int]) -> None:
     assert held.dtype == np.float16 and held.shape == (FRAMES + 2, len(SCENE.animation.mesh.vertices), 4)
     (mesh,) = posed_meshes(SCENE.animation, FRAMES, FRAMES + 1)
     np.testing.assert_array_equal(held[FRAMES], bake_pose(mesh, SCENE.rows, 2, 4, FRAMES).astype(np.float16))
+
+
+def test_a_glossy_bake_keeps_what_the_vertices_see(baked: list[int]) -> None:
+    found = bake_truth(SCENE, 2, 4, glossy=True)
+    (mesh,) = posed_meshes(SCENE.animation, FRAMES, FRAMES + 1)
+    wanted = bake_transfer(mesh, 2, 4, replicates=1, seed=FRAMES, glossy=True)
+    held = np.concatenate(found.shards("visibility"))
+    assert held.shape == (FRAMES + 2, len(mesh.vertices), 9) and held.dtype == np.float16
+    np.testing.assert_array_equal(held[FRAMES], np.asarray(wanted.visibility))
+    np.testing.assert_array_equal(found.coefficients()[FRAMES], np.asarray(wanted.coefficients, np.float16))
+    assert set(found.files).isdisjoint(bake_truth(SCENE, 2, 4).files)
+    # what is seen is guarded as the coefficients are
+    data = bytearray(found.files[1].read_bytes())
+    data[data.index(found.shards("visibility")[1].tobytes()[:64])] ^= 1
+    found.files[1].write_bytes(bytes(data))
+    baked.clear()
+    bake_truth(SCENE, 2, 4, glossy=True)
+    assert baked == [FRAMES, FRAMES + 1]
 
 
 def test_an_interrupted_bake_goes_on(baked: list[int], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 /** What is opened: the page's own files, and those that a visitor drops or chooses. */
 
+import { readExr } from "./exr.js";
 import { readHdr } from "./hdr.js";
 import { lightOfMap, readLight } from "./lights.js";
 import { readNpz } from "./npz.js";
@@ -61,7 +62,8 @@ export function bindFiles(scene, say) {
 
 async function openFile(scene, name, bytes) {
   if (/\.hdr$/i.test(name)) return addLight(scene, lightOfMap(readHdr(bytes), name));
-  if (!/\.npz$/i.test(name)) throw new Error("use an .hdr map or an .npz that gash wrote");
+  if (/\.exr$/i.test(name)) return addLight(scene, lightOfMap(readExr(bytes), name));
+  if (!/\.npz$/i.test(name)) throw new Error("use an .hdr or .exr map, or an .npz that gash wrote");
   const file = await readNpz(bytes);
   const { coefficients, faces } = file.arrays;
   if (coefficients && !faces) return addLight(scene, readLight(file, name));

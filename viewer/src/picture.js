@@ -85,12 +85,12 @@ export class Picture {
     this.ramps = Object.fromEntries(["signed", "rising"].map((name) => [name, rampTexture(name)]));
   }
 
-  /** Draw another mesh: its faces and normals, positions follow; `side` texels squared where `uv` says. */
-  setMesh({ faces, normals, count, names, uv, side }) {
+  /** Draw another mesh: its faces; positions and normals follow; `side` texels squared where `uv` says. */
+  setMesh({ faces, count, names, uv, side }) {
     const geometry = new BufferGeometry();
     geometry.setIndex(new BufferAttribute(faces, 1));
-    geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * count), 3));
-    geometry.setAttribute("normal", new BufferAttribute(normals, 3));
+    for (const name of ["position", "normal"])
+      geometry.setAttribute(name, new BufferAttribute(new Float32Array(3 * count), 3));
     if (uv) geometry.setAttribute("uv", new BufferAttribute(uv, 2));
     this.surface.material = uv ? this.textured : this.atVertices;
     if (side > this.renderer.capabilities.maxTextureSize)
@@ -111,10 +111,12 @@ export class Picture {
     this.lines.geometry.setAttribute("position", attributes.position);
   }
 
-  setPositions(positions) {
-    const attribute = this.surface.geometry.getAttribute("position");
-    attribute.array.set(positions);
-    attribute.needsUpdate = true;
+  setPositions(positions, normals) {
+    for (const [name, values] of Object.entries({ position: positions, normal: normals })) {
+      const attribute = this.surface.geometry.getAttribute(name);
+      attribute.array.set(values);
+      attribute.needsUpdate = true;
+    }
   }
 
   /** Put numbers, floats or bit patterns of halfs, into the texture of that name. */

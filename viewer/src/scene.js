@@ -4,7 +4,7 @@ import { Camera, VIEWS } from "./camera.js";
 import { floats } from "./half.js";
 import { ggx, phong } from "./lobes.js";
 import { multiplier, rotateLight } from "./sh.js";
-import { closedForm, COLOURED, GREY, limitOf, positions } from "./shapes.js";
+import { closedForm, COLOURED, GREY, limitOf, normalsAt, positions } from "./shapes.js";
 import { IDENTITY, matrixOf } from "./turns.js";
 import { factorsFor } from "./windows.js";
 
@@ -47,9 +47,9 @@ export class Scene {
     this.picture.setMesh(mesh);
     this.mesh = mesh;
     this.made = {};
-    const flat = mesh.frames === 1 && !mesh.side && mesh.normals.some((value) => value !== 0);
+    const known = !mesh.side && normalsAt(mesh, 0).some((value) => value !== 0);
     const { bands } = methods[0];
-    this.methods = flat
+    this.methods = known
       ? [
           ...methods,
           closedForm(
@@ -184,7 +184,7 @@ export class Scene {
     const { mesh, state, picture } = this;
     this.once("place", [state.frame], () => {
       this.points = positions(mesh, state.frame);
-      picture.setPositions(this.points);
+      picture.setPositions(this.points, normalsAt(mesh, state.frame));
     });
   }
 
@@ -282,11 +282,9 @@ function kindOf(method, glossy) {
 
 /** The numbers of a method that a picture needs: bit patterns of halfs as they are. */
 function numbersOf(method, glossy, frame) {
-  const array = glossy ? method.gloss.array : method.coefficients;
-  const count = array.data.length / (glossy ? 1 : method.frames);
-  const start = glossy ? 0 : Math.min(frame, method.frames - 1) * count;
-  const data = array.data.subarray(start, start + count);
-  return array.kind === "f2" || array.kind === "f4" ? data : floats({ kind: array.kind, data });
+  const series = glossy ? method.gloss.series : method.coefficients;
+  const data = series.at(frame);
+  return series.kind === "f2" || series.kind === "f4" ? data : floats({ kind: series.kind, data });
 }
 
 function transposed(m) {

@@ -5,9 +5,10 @@ import json
 import struct
 import zipfile
 import zlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -33,15 +34,18 @@ def write_npz(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: Mapp
         np.savez(file, allow_pickle=False, **arrays, metadata=entries)
 
 
+class Rows(NamedTuple):
+    """An array that need not fit into memory: its rows come one after the other, and are written as `dtype`."""
+
+    rows: Iterable[np.ndarray]
+    shape: tuple[int, ...]
+    dtype: str = "<f2"
+
+
 def write_npz_rows(
-    path: str | Path,
-    name: str,
-    rows: Iterable[np.ndarray],
-    shape: tuple[int, ...],
-    arrays: Mapping[str, np.ndarray],
-    metadata: Mapping[str, Any],
+    path: str | Path, large: Mapping[str, Rows], arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]
 ) -> None:
-    """As `write_npz`, with one float16 array more that need not fit into memory: its rows come one after the other.
+    """As `write_npz`, with large arrays more, each asked for its rows when the one before it is written.
 
     Raises FileError as `write_npz` does, and where the rows do not fill the shape.
     """
@@ -49,17 +53,26 @@ def write_npz_rows(
         for other, array in {**arrays, "metadata": np.array(json.dumps(metadata))}.items():
             with archive.open(f"{other}.npy", "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
-        with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
-            header = {"descr": "<f2", "fortran_order": False, "shape": shape}
-            np.lib.format.write_array_header_1_0(file, header)  # type: ignore[arg-type]
-            count = 0
-            for row in rows:
-                if row.shape != shape[1:]:
-                    raise FileError(f"cannot write {path}: a row has shape {row.shape}, not {shape[1:]}")
-                file.write(np.ascontiguousarray(row, "<f2").tobytes())
-                count += 1
-            if count != shape[0]:
-                raise FileError(f"cannot write {path}: {count} rows of {shape[0]} came")
+        for name, found in large.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                for part in _npy(path, found):
+                    file.write(part)
+
+
+def _npy(path: str | Path, found: Rows) -> Iterator[bytes]:
+    """What a .npy file of an array holds: its header, then row after row."""
+    header = BytesIO()
+    described = {"descr": found.dtype, "fortran_order": False, "shape": found.shape}
+    np.lib.format.write_array_header_1_0(header, described)
+    yield header.getvalue()
+    count = 0
+    for row in found.rows:
+        if row.shape != found.shape[1:]:
+            raise FileError(f"cannot write {path}: a row has shape {row.shape}, not {found.shape[1:]}")
+        yield np.ascontiguousarray(row, found.dtype).tobytes()
+        count += 1
+    if count != found.shape[0]:
+        raise FileError(f"cannot write {path}: {count} rows of {found.shape[0]} came")
 
 
 def read_npz(path: str | Path, kind: str, required: tuple[str, ...]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -63,5 +63,13 @@ def posed_meshes(animation: Animation, first: int = 0, last: int | None = None) 
 
 def bake_pose(mesh: Mesh, rows: slice, bands: int, rays: int, seed: int) -> Float[np.ndarray, "v k"]:
     """Coefficients of some vertices of a frame by the plain bake."""
+    return bake_frame(mesh, rows, bands, rays, seed)["coefficients"]
+
+
+def bake_frame(
+    mesh: Mesh, rows: slice, bands: int, rays: int, seed: int, glossy: bool = False
+) -> dict[str, Float[np.ndarray, "v _"]]:
+    """`coefficients` of some vertices of a frame by the plain bake, and of a glossy one their `visibility`."""
     some = None if rows == slice(0, len(mesh.vertices)) else rows
-    return np.asarray(bake_transfer(mesh, bands, rays, replicates=1, seed=seed, rows=some).coefficients)
+    found = bake_transfer(mesh, bands, rays, replicates=1, seed=seed, rows=some, glossy=glossy)
+    return {name: np.asarray(getattr(found, name)) for name in ("coefficients", *(("visibility",) if glossy else ()))}

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from gash_jax.algebra.rotations import rotation_matrix
-from gash_jax.apps.pictures.views import cast_view, shade_view
+from gash_jax.apps.pictures.views import cast_view, shade_view, toward_camera
 from gash_jax.formats.hdr import write_hdr
+from gash_jax.geometry.mesh import Mesh
+from gash_jax.light.brdf import phong
 from gash_jax.light.environment import load_light, rotate_light, save_light
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
-from gash_jax.prt.transfer import load_transfer
-from tests.apps.viewer.conftest import Frames, run
+from gash_jax.prt.transfer import Transfer, load_transfer
+from tests.apps.viewer.conftest import Frames, long_animation, lopsided, run, write_exr
 from tests.apps.viewer.test_pictures import EXPOSURE, SIZE, close, drawn, inside, said
 from tests.helpers.browser import Opened
+from tests.helpers.shared_data import shared_file
 
 DROP = """([name, data]) => {
   const files = new DataTransfer();
@@ -121,6 +124,86 @@ def test_a_map_that_is_dropped_lights_the_object(opened: Opened, folder: Path, t
     save_light(tmp_path / "coarse.npz", load_light(folder / "studio.hdr", 2))
     words = "error: coarse.npz cannot be shown: it holds 2 bands, 3 are needed: project its map again with as many"
     assert drop(opened, tmp_path / "coarse.npz") == words
+
+
+def test_an_exr_map_that_is_dropped_lights_the_object_as_gash_light_would(
+    opened: Opened, folder: Path, tmp_path: Path
+) -> None:
+    transfer = load_transfer(folder / "glossy.npz")
+    write_exr(tmp_path / "own.exr", lopsided()[:, ::-1], "PIZ_COMPRESSION", "float")
+    opened.say(said(""))
+    before = opened.page.locator("#light option").count()
+    assert drop(opened, tmp_path / "own.exr") == ""
+    opened.say(said(f"light={before}"))
+    wanted = drawn(transfer.mesh, shade(transfer, load_light(tmp_path / "own.exr")))
+    where = inside(transfer.mesh, "front")
+    assert close(opened.picture(), wanted, where) >= 0.99
+    mirrored = drawn(transfer.mesh, shade(transfer, load_light(folder / "lopsided.hdr")))
+    assert close(opened.picture(), mirrored, where) < 0.5
+
+
+def test_the_map_that_others_publish_is_read_from_exr(browser: Any, folder: Path) -> None:
+    path, transfer = shared_file("hdr/grace_latlong.exr"), load_transfer(folder / "glossy.npz")
+    opened = Opened(browser, folder / "page.html", said(""))
+    assert drop(opened, path) == ""
+    opened.say(said("light=1", 0.5))
+    wanted = drawn(transfer.mesh, shade(transfer, load_light(path)), exposure=0.5)
+    assert close(opened.picture(), wanted, inside(transfer.mesh, "front")) >= 0.99
+    opened.close()
+
+
+def test_an_animation_that_is_dropped_moves_shines_and_has_its_closed_form(
+    browser: Any, folder: Path, tmp_path: Path
+) -> None:
+    opened = Opened(browser, folder / "page.html", said(""))
+    assert drop(opened, long_animation(tmp_path / "long.npz")) == ""
+    given, light = np.load(tmp_path / "long.npz"), load_light(folder / "lopsided.hdr")
+    assert opened.page.locator("#method option").all_text_contents() == ["long.npz", "closed form, no shadows"]
+    assert opened.page.locator("#frame-number").text_content() == "1 of 60"
+    mesh = Mesh(given["vertices"][17], given["normals"][17].astype(np.float32), given["faces"])
+    opened.say(said("frame=17&material=phong:6"))
+    transfer = Transfer(given["coefficients"][17].astype(np.float32), None, *mesh, {})
+    transfer = transfer._replace(visibility=given["visibility"][17].astype(np.float32))
+    radiance = shade(transfer, light, view=toward_camera(mesh, "front"), lobe=phong(6.0))
+    assert close(opened.picture(), drawn(mesh, radiance), inside(mesh, "front")) >= 0.99
+    np.savez(tmp_path / "odd.npz", **{**given, "visibility": given["visibility"][:, :, :9]})
+    assert "what it holds for gloss does not fit" in drop(opened, tmp_path / "odd.npz")
+    opened.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        ("primaries of its own", {"chromaticities": (0.7, 0.3, 0.2, 0.7, 0.1, 0.05, 0.31, 0.33)}),
+        ("shows a part of its pixels", {"displayWindow": ((0, 0), (31, 15))}),
+        ("twice as wide as high", {}),
+        ("no plain R, G, B or Y", {}),
+        ("its pixels end or break early", {}),
+        ("it is no OpenEXR picture", {}),
+        ("radiance that is negative", {}),
+        ("radiance that is not finite", {}),
+    ],
+)
+def test_an_exr_map_that_is_no_good_is_refused_in_one_line(
+    opened: Opened, tmp_path: Path, words: str, options: dict[str, Any]
+) -> None:
+    path, image = tmp_path / "bad.exr", lopsided()
+    if "negative" in words:
+        image = -image
+    elif "finite" in words:
+        image[3, 4] = np.inf
+    write_exr(path, image[:30] if "twice" in words else image, "ZIP_COMPRESSION", "float", **options)
+    if "plain" in words:
+        path.write_bytes(path.read_bytes().replace(b"R\0\2", b"Q\0\2", 1))
+    elif "early" in words:
+        path.write_bytes(path.read_bytes()[:-900])
+    elif "no OpenEXR" in words:
+        path.write_bytes(b"P6 nothing")
+    opened.say(said(""))
+    count = opened.page.locator("#light option").count()
+    message = drop(opened, path)
+    assert message.startswith("error: bad.exr cannot be shown: ") and words in message and "\n" not in message
+    assert opened.page.locator("#light option").count() == count
 
 
 def test_a_transfer_that_is_dropped_is_one_more_result(opened: Opened, folder: Path) -> None:

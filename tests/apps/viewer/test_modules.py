@@ -1,6 +1,7 @@
 """The page's mathematics, run by node, against the library's."""
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -9,14 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gash_jax.algebra.closed_forms import clamped_cosine, hemisphere
+from gash_jax.algebra.closed_forms import clamped_cosine, hemisphere, unshadowed_transfer
 from gash_jax.algebra.gaunt import multiplier
-from gash_jax.algebra.sh import evaluate_sh, hann_window, lanczos_window
+from gash_jax.algebra.sh import band_index, evaluate_sh, hann_window, lanczos_window
+from gash_jax.apps.viewer.components import Series, expanded, in_components
+from gash_jax.formats.exr import open_exr
 from gash_jax.formats.hdr import open_hdr, write_hdr
 from gash_jax.light.brdf import ggx, phong
 from gash_jax.light.environment import project_map, rotate_light
 from gash_jax.light.studio import studio_light
 from gash_jax.light.windows import light_window
+from tests.apps.viewer.conftest import write_exr
 from tests.helpers.bumpy import random_rotation
 
 SOURCES = Path(__file__).parents[3] / "viewer" / "src"
@@ -38,6 +42,13 @@ def node(module: str, expression: str, *inputs: Any) -> Any:
     done = subprocess.run([program, "--input-type=module", "-e", script], input=given, text=True, capture_output=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+def node_of_packages(module: str, expression: str, *inputs: Any) -> Any:
+    """As `node`, of a module that imports three.js, or skip the test."""
+    if not (SOURCES.parent / "node_modules" / "three").is_dir():
+        pytest.skip("needs the packages of viewer/package.json: npm ci in viewer/")
+    return node(module, expression, *inputs)
 
 
 def test_harmonics_are_those_of_the_library() -> None:
@@ -101,6 +112,72 @@ def test_old_run_lengths_are_read_as_in_the_library(tmp_path: Path) -> None:
     picture = node("hdr.js", "m.readHdr(Uint8Array.from(a[0]))", list((tmp_path / "old.hdr").read_bytes()))
     wanted = open_hdr(tmp_path / "old.hdr").radiance
     np.testing.assert_allclose(np.reshape(picture["pixels"], (2, 4, 3)), wanted, rtol=1e-6)
+
+
+def test_frames_are_rebuilt_from_components_as_by_numpy() -> None:
+    frames = np.cumsum(RNG.normal(size=(30, 50, 3)), axis=0).astype(np.float32)
+    found = in_components({"x": Series(frames, 1.0)}, 20 * 2 * 150)
+    assert found is not None and found["x"].error.rms > 0.01  # it is no copy of the frames
+    one = found["x"]
+    parts = {"mean": one.mean, "components": one.components, "weights": one.weights}
+    given = {f"x_{key}": {"shape": list(part.shape), "data": part.ravel().tolist()} for key, part in parts.items()}
+    made = """(() => {
+      const kinds = { x_mean: Float32Array, x_components: Int16Array, x_weights: Float32Array };
+      for (const name in kinds) a[0][name].data = kinds[name].from(a[0][name].data);
+      const series = m.seriesOf(a[0], "x", () => 2);
+      return [series.frames, series.inner, [0, 7, 29, 99].map(series.at)];
+    })()"""
+    count, inner, rebuilt = node("frames.js", made, given)
+    assert (count, inner) == (30, [50, 3])
+    # sums of single precision in another order: 2^-23 of the largest term for each component
+    wanted = expanded(one)[[0, 7, 29, 29]].reshape(4, -1)
+    terms = np.abs(one.weights).max() * 32767
+    np.testing.assert_allclose(rebuilt, wanted, atol=len(one.components) * terms * 2.0**-23)
+
+
+def test_looks_at_a_few_frames_from_first_to_last() -> None:
+    found = node("frames.js", "[1, 3, 500].map(m.someOf)")
+    assert found[0] == [0] and found[1] == [0, 1, 2] and len(found[2]) == 32
+    assert found[2][0] == 0 and found[2][-1] == 499
+
+
+def test_normals_and_closed_form_of_every_frame_are_those_of_the_library() -> None:
+    normals = RNG.normal(size=(2, 6, 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    normals[1, 2] = 0
+    made = """(() => {
+      const facing = { frames: 2, inner: [6, 3], kind: "f4", at: (i) => Float32Array.from(a[0][i].flat()) };
+      const mesh = { facing, count: 6 };
+      const closed = m.closedForm(mesh, 3, true);
+      return [0, 1].map((i) => [closed.coefficients.at(i), closed.gloss.series.at(i)]);
+    })()"""
+    found = node("shapes.js", made, 0.998 * normals)  # rounding has taken some of their length
+    for number, (matte, gloss) in enumerate(found):
+        used = normals[number].astype(np.float32)
+        np.testing.assert_allclose(np.reshape(matte, (6, 9)), unshadowed_transfer(used, 3), atol=1e-6)
+        factors = np.array([hemisphere(int(band)) for band in band_index(5)])
+        wanted = np.asarray(evaluate_sh(used, 5)) * factors * np.any(used, axis=1, keepdims=True)
+        np.testing.assert_allclose(np.reshape(gloss, (6, 25)), wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["half", "float", "grey"])
+@pytest.mark.parametrize("packed", ["NO_COMPRESSION", "ZIP_COMPRESSION", "PIZ_COMPRESSION"])
+def test_an_exr_map_has_the_pixels_of_the_library(packed: str, kind: str, tmp_path: Path) -> None:
+    image = (studio_light(12) * RNG.uniform(0.5, 1.5, size=(12, 24, 1))).astype(np.float32)
+    image[3, 5, :1] = -1e-3  # a little below zero, which is read as 0
+    write_exr(tmp_path / "map.exr", image, packed, kind)
+    found = node_of_packages("exr.js", "m.readExr(Uint8Array.from(a[0]))", list((tmp_path / "map.exr").read_bytes()))
+    wanted = open_exr(tmp_path / "map.exr").radiance
+    assert (found["width"], found["height"]) == (24, 12)
+    np.testing.assert_array_equal(np.reshape(found["pixels"], (12, 24, 3)).astype(np.float32), wanted)
+
+
+@pytest.mark.parametrize("length", [4, 30, 100, 300, -40])
+def test_an_exr_map_that_is_cut_off_is_refused_at_once(length: int, tmp_path: Path) -> None:
+    write_exr(tmp_path / "map.exr", studio_light(12), "ZIP_COMPRESSION", "half")
+    data = list((tmp_path / "map.exr").read_bytes()[:length])
+    made = "(() => { try { return m.readExr(Uint8Array.from(a[0])); } catch (error) { return error.message; } })()"
+    assert re.search("end or break early|cut off|no OpenEXR", node_of_packages("exr.js", made, data))
 
 
 def test_kernels_and_lobes_are_those_of_the_library() -> None:

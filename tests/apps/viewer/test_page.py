@@ -1,8 +1,5 @@
 """`gash view` and `gash_jax.view` without a browser: what stands in the page, what is refused."""
 
-import base64
-import io
-import json
 import re
 import webbrowser
 from pathlib import Path
@@ -17,13 +14,7 @@ from gash_jax.apps.viewer.contents import distinct, map_file, result_name, shrun
 from gash_jax.files.atomic import FileError
 from gash_jax.light.environment import load_light
 from gash_jax.prt.transfer import load_transfer
-from tests.apps.viewer.conftest import Frames, lopsided, run
-
-
-def held(text: str) -> list[tuple[str, str, dict[str, np.ndarray]]]:
-    """Kind, name and arrays of the files in a page."""
-    found = re.findall(r'<script type="application/x-npz" data-kind="(.*?)" data-name="(.*?)">(.*?)</script>', text)
-    return [(kind, name, dict(np.load(io.BytesIO(base64.b64decode(data))))) for kind, name, data in found]
+from tests.apps.viewer.conftest import Frames, held, lopsided, run
 
 
 def test_a_page_holds_results_with_one_mesh_and_lights_with_their_maps(folder: Path) -> None:
@@ -103,22 +94,6 @@ def test_names_say_what_a_result_is() -> None:
     assert result_name({"method": "predict", "parameters": {"model": {"name": "mlp"}}}) == "prediction, network mlp"
     assert result_name({"method": "bake", "parameters": {}}) == "bake" and result_name({}) == "transfer"
     assert distinct(["a", "b", "a"], ["1.npz", "2.npz", "3.npz"]) == ["a (1.npz)", "b", "a (3.npz)"]
-
-
-def test_frames_that_do_not_fit_are_left_out_and_the_page_says_so(
-    frames: Frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert pages.kept_frames(100, 1000) == list(range(100))
-    assert pages.kept_frames(1000, 100_000) == list(range(0, 1000, 3))
-    monkeypatch.setattr(pages, "kept_frames", lambda count, size: [0, 2])
-    run("view", frames.path, "-o", tmp_path / "page.html", "--quiet")
-    first = held((tmp_path / "page.html").read_text())[0][2]
-    metadata = json.loads(str(first["metadata"]))
-    assert metadata["notes"][1] == "2 of 3 frames: a page of all of them would be too large"
-    np.testing.assert_array_equal(first["coefficients"], frames.coefficients[[0, 2]].astype(np.float16))
-    low, step = (np.array(metadata["grid"][key]) for key in ("low", "step"))
-    kept = np.stack([frames.meshes[i].vertices for i in (0, 2)])
-    np.testing.assert_allclose(low + first["vertices"] * step, kept, atol=0.51 * step.max())
 
 
 def test_a_page_that_is_too_large_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,15 +12,18 @@ from gash_jax.algebra.closed_forms import hemisphere, unshadowed_transfer
 from gash_jax.algebra.sh import band_index, evaluate_sh, hann_window, lanczos_window
 from gash_jax.apps.pictures.montage import signed_colors
 from gash_jax.apps.pictures.views import cast_view, exposure_for, shade_view, to_srgb, toward_camera
+from gash_jax.apps.viewer import page as pages
+from gash_jax.apps.viewer.components import expanded
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.brdf import ggx, phong
 from gash_jax.light.environment import load_light, rotate_light
 from gash_jax.light.shading import shade
 from gash_jax.prt.transfer import Transfer, load_transfer
-from tests.apps.viewer.conftest import Frames, run
+from tests.apps.viewer.conftest import Frames, held, kept_components, long_animation, run
 from tests.helpers.browser import Opened
 
 SIZE, EXPOSURE = 256, 0.7
+KEPT = ("coefficients", "vertices", "normals", "visibility")
 START = "panel=off&method=0&light=0&show=light&rotate=0&window=none&material=matte&background=ground&wire=0&view=front"
 SEVENTY = [np.cos(np.radians(35)), 0, np.sin(np.radians(35)), 0]  # degrees about +y
 ASKEW = [0.8, 0.36, -0.48, 0.0]  # about no axis of the world
@@ -146,6 +149,15 @@ def test_single_coefficients_have_the_colours_of_our_pictures(opened: Opened, fo
     assert close(opened.picture(), wanted, inside(bounced.mesh, "front")) >= 0.99
 
 
+def test_single_coefficients_of_the_closed_form_have_their_colours_too(opened: Opened, folder: Path) -> None:
+    mesh = load_transfer(folder / "glossy.npz").mesh
+    values = np.asarray(unshadowed_transfer(mesh.normals, 3))[:, 2:3]
+    image, covered = shade_view(cast_view(mesh, "front", SIZE), values)
+    wanted = signed_colors(image[..., 0] / np.maximum(covered, 1e-6), float(np.abs(values).max()))
+    opened.say(said("method=3&show=coefficient&coefficient=2"))
+    assert close(opened.picture(), wanted, inside(mesh, "front")) >= 0.99
+
+
 def test_the_exposure_is_chosen_as_render_chooses_it(opened: Opened, folder: Path) -> None:
     transfer, light = load_transfer(folder / "glossy.npz"), load_light(folder / "lopsided.hdr")
     wanted = exposure_for([shade_view(cast_view(transfer.mesh, "front", SIZE), np.asarray(shade(transfer, light)))])
@@ -154,13 +166,77 @@ def test_the_exposure_is_chosen_as_render_chooses_it(opened: Opened, folder: Pat
     assert float(opened.address()["exposure"]) == pytest.approx(wanted, rel=0.01)
 
 
-def test_frames_are_drawn_as_render_draws_them(browser: Any, frames: Frames, folder: Path) -> None:
+@pytest.fixture(scope="module")
+def moving(browser: Any, frames: Frames, folder: Path) -> Any:
     path = frames.path.with_suffix(".html")
     run("view", frames.path, "--light", folder / "lopsided.hdr", "-o", path, "--quiet")
-    opened, light = Opened(browser, path, said("")), load_light(folder / "lopsided.hdr", 2)
+    page = Opened(browser, path, said(""))
+    yield page
+    page.close()
+
+
+def test_frames_are_drawn_as_render_draws_them(moving: Opened, frames: Frames, folder: Path) -> None:
+    light = load_light(folder / "lopsided.hdr", 2)
     for number, (mesh, coefficients) in enumerate(zip(frames.meshes, frames.coefficients, strict=True)):
         transfer = Transfer(coefficients, None, *mesh, {})
-        opened.say(said(f"frame={number}&view=side"))
+        moving.say(said(f"frame={number}&view=side"))
         wanted = gash_jax.render(transfer, light, camera="side", size=SIZE, exposure=EXPOSURE)
-        assert close(opened.picture(), wanted, inside(mesh, "side")) >= 0.99
+        assert close(moving.picture(), wanted, inside(mesh, "side")) >= 0.99
+
+
+def test_frames_have_their_closed_form_and_the_difference_to_it(moving: Opened, frames: Frames, folder: Path) -> None:
+    light, last = load_light(folder / "lopsided.hdr", 2), len(frames.meshes) - 1
+    mesh, baked = frames.meshes[last], frames.coefficients[last]
+    assert moving.page.locator("#method option").all_text_contents() == ["transfer", "closed form, no shadows"]
+    closed = np.asarray(unshadowed_transfer(mesh.normals, 2))
+    moving.say(said(f"frame={last}&method=1"))
+    assert close(moving.picture(), drawn(mesh, shade(closed, light)), inside(mesh, "front")) >= 0.99
+    first = np.asarray(unshadowed_transfer(frames.meshes[0].normals, 2))
+    assert close(moving.picture(), drawn(mesh, shade(first, light)), inside(mesh, "front")) < 0.9  # of this frame
+    wrong = np.asarray(shade(baked, light) - shade(closed, light)).mean(1, keepdims=True) * 2
+    image, covered = shade_view(cast_view(mesh, "front", SIZE), wrong)
+    wanted = signed_colors(image[..., 0] / np.maximum(covered, 1e-6), 0.3)
+    moving.say(said(f"frame={last}&method=0&against=1&show=difference", 2))
+    assert close(moving.picture(), wanted, inside(mesh, "front")) >= 0.99
+
+
+def test_frames_shine(moving: Opened, frames: Frames, folder: Path) -> None:
+    light, last = load_light(folder / "lopsided.hdr", 2), len(frames.meshes) - 1
+    mesh = frames.meshes[last]
+    transfer = Transfer(frames.coefficients[last], None, *mesh, {})._replace(visibility=frames.visibility[last])
+    where, view = inside(mesh, "front"), toward_camera(mesh, "front")
+    for words, lobe in (("phong:6", phong(6.0)), ("ggx:0.5", ggx(0.5))):
+        moving.say(said(f"frame={last}&material={words}"))
+        radiance = shade(transfer, light, view=view, lobe=lobe)
+        assert close(moving.picture(), drawn(mesh, radiance), where) >= 0.99
+    factors = np.array([hemisphere(int(band)) for band in band_index(3)])
+    open_sky = transfer._replace(visibility=(np.asarray(evaluate_sh(mesh.normals, 3)) * factors).astype(np.float32))
+    moving.say(said(f"frame={last}&material=phong:6&method=1"))
+    radiance = shade(open_sky, light, view=view, lobe=phong(6.0))
+    assert close(moving.picture(), drawn(mesh, radiance), where) >= 0.99
+
+
+def test_frames_in_components_are_drawn_as_numpy_rebuilds_them(
+    browser: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "LARGEST", 2_000_000)
+    given, path = np.load(long_animation(tmp_path / "long.npz")), tmp_path / "long.html"
+    run("view", tmp_path / "long.npz", "--light", folder / "lopsided.hdr", "-o", path, "--quiet")
+    arrays = held(path.read_text())[0][2]
+    rebuilt = {name: expanded(kept_components(arrays, name))[41] for name in KEPT}
+    normals = rebuilt["normals"] / np.linalg.norm(rebuilt["normals"], axis=1, keepdims=True)
+    mesh = Mesh(rebuilt["vertices"], normals.astype(np.float32), given["faces"])
+    light = load_light(folder / "lopsided.hdr")
+    opened = Opened(browser, path, said("frame=41"))
+    where, found = inside(mesh, "front"), opened.picture()
+    assert close(found, drawn(mesh, shade(rebuilt["coefficients"], light)), where) >= 0.99
+    assert close(found, drawn(mesh, shade(rebuilt["coefficients"] * 1.03, light)), where) < 0.9
+    opened.say(said("frame=41&method=1"))
+    assert close(opened.picture(), drawn(mesh, shade(unshadowed_transfer(mesh.normals, 3), light)), where) >= 0.99
+    opened.say(said("frame=41&material=phong:6"))
+    transfer = Transfer(rebuilt["coefficients"], None, *mesh, {})._replace(visibility=rebuilt["visibility"])
+    radiance = shade(transfer, light, view=toward_camera(mesh, "front"), lobe=phong(6.0))
+    assert close(opened.picture(), drawn(mesh, radiance), where) >= 0.99
+    # in the lists beside it the page says what was done
+    assert "rebuilt from principal components" in opened.page.locator("#notes").text_content()
     opened.close()

@@ -48,9 +48,13 @@ def view(
     results: dict[str, Shown] = {}
     for file in files:
         results |= _results(file, up, quiet)
-    page = make_page(files[0].stem, results, _lights(lights, layout, next(iter(results.values())).bands, quiet))
+    shining = _lights(lights, layout, next(iter(results.values())).bands, quiet)
+    with progress_bar("fitting the frames onto a page", quiet) as update:
+        page = make_page(files[0].stem, results, shining, update)
     target = output or Path(tempfile.mkdtemp(prefix="gash-view-")) / f"{files[0].stem}.html"
     page.save(target)
+    for note in page.notes:
+        say(f"  {note}", quiet)
     say(f"wrote {target} ({len(page.html) / 2**20:.1f} MiB)", quiet)
     if output is None and not webbrowser.open(target.resolve().as_uri()):
         raise FileError(f"no browser could be opened: open {target} yourself, or name a file with -o")

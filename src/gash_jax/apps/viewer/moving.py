@@ -1,26 +1,23 @@
-"""Transfer of every frame of an animation, as `gash view` reads it: an npz file with
+"""Transfer of every frame of an animation, as `gash animate` writes it and `gash view` reads it: an npz file with
 
     coefficients (t, v, k) or (t, v, k, 3)      vertices (t, v, 3), or (v, 3) where only the light on them changes
+    normals, as vertices (may be missing)       visibility (t, v, (2B-1)²) of a glossy bake (may be missing)
     faces (f, 3)                                metadata, JSON (may be missing)
 
-in any type of floats; `verts` is read as `vertices`. On the page positions are whole numbers of 16 bits on the grid
-that `metadata["grid"]` names (value = low + number * step), which is 1.5e-5 of the size of the whole motion.
+in any type of floats; `verts` is read as `vertices`. Without normals they are the angle-weighted ones of every frame.
 """
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Int, Num
+from jaxtyping import Float, Int, Num
 
 from gash_jax.algebra.sh import bands_of
-from gash_jax.apps.viewer.contents import PageFile, as_half
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import open_npz
-
-_STEPS = 65535
+from gash_jax.geometry.mesh import angle_weighted_normals
 
 
 class Moving(NamedTuple):
@@ -28,19 +25,15 @@ class Moving(NamedTuple):
 
     coefficients: Num[np.ndarray, "t v k"] | Num[np.ndarray, "t v k 3"]
     vertices: Num[np.ndarray, "_ v 3"]  # of all frames, or of one for all
+    normals: Float[np.ndarray, "_ v 3"]  # as many as there are vertices
     faces: Int[np.ndarray, "f 3"]
+    visibility: Num[np.ndarray, "t v j"] | None
     metadata: dict[str, Any]
 
     @property
     def bands(self) -> int:
         """Bands B of the B² coefficients."""
         return bands_of(self.coefficients.shape[2])
-
-    @property
-    def frame_size(self) -> int:
-        """Bytes of a frame on a page."""
-        positions = 6 * self.vertices.shape[1] if len(self.vertices) > 1 else 0
-        return 2 * self.coefficients[0].size + positions
 
 
 def read_moving(path: Path) -> Moving | None:
@@ -59,11 +52,39 @@ def read_moving(path: Path) -> Moving | None:
         raise FileError(f"{path} has transfer of {len(found)} frames, but no vertices or faces: write it with both")
     vertices = motion[None] if motion.ndim == 2 else motion
     _check(path, found, vertices, faces)
+    corners = np.asarray(faces, np.int32)
     try:
         metadata = json.loads(str(arrays["metadata"])) if "metadata" in arrays else {}
     except ValueError:
         raise FileError(f"{path}: its metadata is no JSON, write it again") from None
-    return Moving(found, vertices, np.asarray(faces, np.int32), metadata)
+    normals = _normals(path, arrays.get("normals"), vertices, corners)
+    return Moving(found, vertices, normals, corners, _visibility(path, arrays.get("visibility"), found), metadata)
+
+
+def _normals(
+    path: Path, found: np.ndarray | None, vertices: Num[np.ndarray, "t v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "t v 3"]:
+    """The file's own normals, or angle-weighted ones, float16."""
+    if found is None:
+        each = (angle_weighted_normals(np.asarray(frame, np.float64), faces) for frame in vertices)
+        return np.stack([normals.astype(np.float16) for normals in each])
+    normals = found[None] if found.ndim == 2 else found
+    if normals.shape != vertices.shape:
+        raise FileError(
+            f"{path}: normals {found.shape} do not fit its vertices: leave them out, or write them for each"
+        )
+    _check_finite(path, "normals", normals)
+    return normals
+
+
+def _visibility(path: Path, found: np.ndarray | None, coefficients: np.ndarray) -> np.ndarray | None:
+    if found is None:
+        return None
+    wanted = (*coefficients.shape[:2], (2 * bands_of(coefficients.shape[2]) - 1) ** 2)
+    if found.shape != wanted:
+        raise FileError(f"{path}: its visibility has shape {found.shape}, not {wanted}: bake it again")
+    _check_finite(path, "visibility", found)
+    return found
 
 
 def _check(path: Path, found: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -83,25 +104,10 @@ def _check(path: Path, found: np.ndarray, vertices: np.ndarray, faces: np.ndarra
     if faces.min() < 0 or faces.max() >= count:
         raise FileError(f"{path}: faces name vertices that do not exist, write it again")
     for name, array in (("coefficients", found), ("vertices", vertices)):
-        for number, frame in enumerate(array):
-            if frame.dtype.kind != "f" or not np.isfinite(frame).all():
-                raise FileError(f"{path} holds {name} that are not finite in frame {number}: repair or leave it out")
+        _check_finite(path, name, array)
 
 
-def moving_file(moving: Moving, name: str, frames: Sequence[int], *, mesh: bool) -> PageFile:
-    """The page's file of the frames that are kept."""
-    kept = list(frames)
-    arrays = {"coefficients": as_half(np.asarray(moving.coefficients[kept]))}
-    if not mesh:
-        return PageFile("transfer", name, arrays)
-    vertices = np.asarray(moving.vertices[kept] if len(moving.vertices) > 1 else moving.vertices, np.float64)
-    corners = vertices[:, np.unique(moving.faces)].reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    step = np.where(high > low, (high - low) / _STEPS, 1.0)
-    grid = np.clip(np.rint((vertices - low) / step), 0, _STEPS).astype(np.uint16)
-    arrays |= {"vertices": grid if len(vertices) > 1 else grid[0], "faces": moving.faces}
-    total = len(moving.coefficients)
-    thinned = f"{len(kept)} of {total} frames: a page of all of them would be too large"
-    notes = [f"{vertices.shape[1]} vertices, {len(moving.faces)} faces, {total} frames"]
-    notes += [thinned] if len(kept) < total else []
-    return PageFile("transfer", name, arrays, {"notes": notes, "grid": {"low": low.tolist(), "step": step.tolist()}})
+def _check_finite(path: Path, name: str, array: np.ndarray) -> None:
+    for number, frame in enumerate(array):
+        if frame.dtype.kind != "f" or not np.isfinite(frame).all():
+            raise FileError(f"{path} holds {name} that are not finite in frame {number}: repair or leave it out")

@@ -1,8 +1,8 @@
 """The page itself: one HTML file with its script, its style and its data, which opens from disk and asks no network.
 
 What stands in `page.html` is built from `viewer/` (`npm run build` there). The data are npz files in base64 between
-script tags, in the order in which the page lists them. A page is at most `LARGEST` bytes: of animations as many frames
-are left out, evenly, as that takes, and the page says so.
+script tags, in the order in which the page lists them. A page is at most `LARGEST` bytes: long animations are shortened
+for it (`motion`), and the page says how.
 """
 
 import base64
@@ -19,6 +19,7 @@ import numpy as np
 
 from gash_jax.apps.pictures.render import drawn_mesh
 from gash_jax.apps.same_mesh import check_same_mesh
+from gash_jax.apps.viewer.components import Progress
 from gash_jax.apps.viewer.contents import (
     PageFile,
     distinct,
@@ -28,7 +29,8 @@ from gash_jax.apps.viewer.contents import (
     still_file,
     texture_file,
 )
-from gash_jax.apps.viewer.moving import Moving, moving_file
+from gash_jax.apps.viewer.motion import moving_files
+from gash_jax.apps.viewer.moving import Moving
 from gash_jax.files.atomic import FileError, write_text
 from gash_jax.light.environment import LightLike, light_coefficients
 from gash_jax.prt.texture import TransferTexture
@@ -36,6 +38,7 @@ from gash_jax.prt.transfer import Transfer
 
 Shown = Transfer | TransferTexture | Moving  # what a page can show
 LARGEST = 50 << 20
+_BARE = 0.99 * 3 / 4  # bytes in a character of base64, and a little for headers
 _HEIGHT = 560  # pixels in a notebook
 
 
@@ -48,6 +51,7 @@ class Page:
     """
 
     html: str
+    notes: tuple[str, ...] = ()  # what the page says of its files
 
     def save(self, path: str | Path) -> None:
         """Write the page, whole or not at all. Raises FileError where it cannot be written."""
@@ -89,13 +93,23 @@ def view(
     return make_page("gash_jax", {str(name): value for name, value in named.items()}, lights or own_lights())
 
 
-def make_page(title: str, results: Mapping[str, Shown], lights: Sequence[PageFile]) -> Page:
-    """A page of results by the names of their files. Raises ValueError where they are not of one mesh or too large."""
+def make_page(
+    title: str, results: Mapping[str, Shown], lights: Sequence[PageFile], progress: Progress | None = None
+) -> Page:
+    """A page of results by the names of their files. Raises ValueError where they are not of one mesh or too large.
+
+    `progress(done, total)` counts the steps of shortening a long animation."""
     found = list(results.values())
     for other in found[1:]:
         _check_together(found[0], other)
     names = distinct([result_name(one.metadata) for one in found], list(results))
-    return Page(_assembled(title, [*_files(names, found), *lights]))
+    template = resources.files("gash_jax.apps.viewer").joinpath("page.html").read_text(encoding="utf-8")
+    shining = [_element(light) for light in lights]
+    left = LARGEST - len(template) - sum(map(len, shining))
+    files = _files(names, found, int(_BARE * left), progress)
+    elements = [*(_element(file) for file in files), *shining]
+    notes = tuple(note for file in (*files, *lights) for note in file.metadata.get("notes", ()))
+    return Page(_assembled(template, title, elements), notes)
 
 
 def _check_together(first: Shown, other: Shown) -> None:
@@ -113,31 +127,22 @@ def _check_together(first: Shown, other: Shown) -> None:
         raise ValueError("the animations have other frames, meshes or bands: show them on two pages")
 
 
-def _files(names: Sequence[str], found: Sequence[Shown]) -> list[PageFile]:
+def _files(names: Sequence[str], found: Sequence[Shown], room: int, progress: Progress | None) -> list[PageFile]:
+    moving = [one for one in found if isinstance(one, Moving)]
+    if moving:
+        return moving_files(names, moving, room, progress)
     files = []
-    size = sum(one.frame_size for one in found if isinstance(one, Moving))
     for i, (name, one) in enumerate(zip(names, found, strict=True)):
         if isinstance(one, Transfer):
             files.append(still_file(one, name, mesh=i == 0))
         elif isinstance(one, TransferTexture):
             files.append(texture_file(one, name, mesh=i == 0))
-        else:
-            frames = kept_frames(len(one.coefficients), size)
-            files.append(moving_file(one, name, frames, mesh=i == 0))
     return files
 
 
-def kept_frames(count: int, size: int) -> list[int]:
-    """Which of the frames, of `size` bytes each, fit on a page beside the rest of it: all, or every n-th."""
-    room = int(0.9 * LARGEST * 3 / 4)
-    return list(range(0, count, max(1, -(-count * size // room))))
-
-
-def _assembled(title: str, files: Sequence[PageFile]) -> str:
-    template = resources.files("gash_jax.apps.viewer").joinpath("page.html").read_text(encoding="utf-8")
-    data = "\n".join(_element(file) for file in files)
+def _assembled(template: str, title: str, elements: Sequence[str]) -> str:
     # the data come last: what they hold must not be taken for a placeholder
-    page = template.replace("{{title}}", html.escape(title)).replace("<!-- files -->", data)
+    page = template.replace("{{title}}", html.escape(title)).replace("<!-- files -->", "\n".join(elements))
     if len(page) > LARGEST:
         raise FileError(
             f"the page would have {len(page) / 2**20:.0f} MiB, more than {LARGEST >> 20}: "
