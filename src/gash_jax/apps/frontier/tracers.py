@@ -76,7 +76,7 @@ def mitsuba_tracer() -> Build:
 def warp_tracer() -> Build:
     """NVIDIA Warp's mesh queries, on the GPU where there is one."""
     warp = _library("warp")
-    warp.config.quiet = True
+    warp.config.log_level = warp.LOG_ERROR  # else it says what it found and compiled
     warp.init()
     far = 1e10  # beyond anything in trace space, where a mesh has size 1
 

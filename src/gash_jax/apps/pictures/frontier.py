@@ -1,7 +1,8 @@
 """The figure of `gash bench frontier`: relative error against time, and the PSNR of relit pictures where there is one.
 
 One panel for all meshes together and one for each; every method has a colour of its own, and settings that are numbers
-(rays, errors) are joined by a line. The Pareto front is the thick grey line behind them: whoever wants less error must pay more time.
+(rays, errors) are joined by a line. The Pareto front is the thick grey line behind them: whoever wants less error must
+pay more time.
 """
 
 from collections.abc import Sequence
