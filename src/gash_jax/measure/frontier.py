@@ -76,7 +76,7 @@ def compiled_anew() -> Iterator[None]:
     """Within the block JAX reads no compiled program from disk, so that the first call of a setting shows its cost."""
     from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-    before = jax.config.jax_enable_compilation_cache
+    before = jax.config.read("jax_enable_compilation_cache")
     jax.config.update("jax_enable_compilation_cache", False)
     reset_cache()  # JAX asks once whether there is a cache and remembers the answer
     try:
@@ -91,9 +91,9 @@ def _count_compilations() -> Iterator[list[float]]:
     """Yield the list of what was compiled within the block, which grows: the seconds of each program."""
     found: list[float] = []
 
-    def listen(event: str, seconds: float, **_: Any) -> None:
+    def listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
         if event == COMPILING:
-            found.append(seconds)
+            found.append(duration_secs)
 
     jax.monitoring.register_event_duration_secs_listener(listen)
     try:
@@ -159,12 +159,12 @@ def _timed(setting: Setting, seed: int, reference: Reference) -> tuple[Call, np.
 
 def _warm(setting: Setting, seed: int, reference: Reference, compiled: list[float]) -> tuple[Call, np.ndarray]:
     """A call during which nothing was compiled, if there is one among the first few."""
-    for _ in range(MOST_REPEATS):
-        before = len(compiled)
+    repeats = 0
+    while True:
+        before, repeats = len(compiled), repeats + 1
         found = _timed(setting, seed, reference)
-        if len(compiled) == before:
-            break
-    return found
+        if len(compiled) == before or repeats == MOST_REPEATS:
+            return found
 
 
 def _row(setting: Setting, calls: list[Call], first: float, reference: Reference) -> dict[str, Any]:

@@ -27,7 +27,7 @@ class Bench(Command):
         """As click does it, for the command that is meant."""
         if args[:1] != ["frontier"]:
             return super().make_context(info_name, args, parent, **extra)
-        from gash_jax.apps.commands.frontier import frontier  # Matplotlib and more, which one mesh does not need
+        from gash_jax.apps.frontier.command import frontier  # Matplotlib and more, which one mesh does not need
 
         return frontier.make_context(f"{info_name} frontier", args[1:], parent, **extra)
 

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gash_jax.apps.frontier.methods import ERRORS, METHODS, Task, settings_of
+from gash_jax.apps.frontier.moving import joined_reference
+from gash_jax.apps.pictures.frontier import timed_vertices
 from gash_jax.apps.pictures.views import cast_view, shade_view
 from gash_jax.files.atomic import write_json
 from gash_jax.geometry.mesh import Mesh
@@ -39,34 +41,50 @@ class Choice(NamedTuple):
 
 
 def measure_mesh(task: Task, choice: Choice, progress: ProgressFn | None = None) -> dict[str, Any]:
-    """Everything about one mesh, ready for JSON. `progress(done, total)` counts shares of the expected time."""
-    reference = make_reference(
-        task.mesh,
-        task.bands,
-        choice.rays,
-        _part(progress, 0),
-        bounces=task.bounces,
-        albedo=task.albedo,
-    )
-    best: dict[float, int | None] = {}
-    if {"plain", "error"} <= set(choice.methods) and not task.bounces:
-        best = fewest_rays(lambda rays: plain_error(task.mesh, reference, rays), ERRORS, progress=_part(progress, 1))
-    task = task._replace(plain_counts=[count for count in best.values() if count is not None])
+    """Everything about one mesh, ready for JSON. `progress(done, total)` counts shares of the expected time.
+
+    Raises ValueError where none of the methods can be run.
+    """
     settings, skipped = settings_of(task, choice.methods)
+    if not settings:
+        reasons = (
+            "; ".join(f"{name}: {reason}" for name, reason in skipped.items()) or "they are for other kinds of mesh"
+        )
+        raise ValueError(f"none of the methods can be run, choose others with --methods ({reasons})")
+    reference = _reference(task, choice.rays, _part(progress, 0))
+    best: dict[float, int | None] = {}
+    if {"plain", "error"} <= set(choice.methods) and not task.bounces and not task.frames:
+        best = fewest_rays(lambda rays: plain_error(task.mesh, reference, rays), ERRORS, progress=_part(progress, 1))
+    counts = [count for count in best.values() if count is not None]
+    settings, _ = settings_of(task._replace(plain_counts=counts), choice.methods)
     found = {
         "vertices": len(task.mesh.vertices),
         "faces": len(task.mesh.faces),
+        "frames": len(task.frames),
         "bounces": task.bounces,
         "reference_relrmse": relative_noise(reference),
         "skipped": skipped,
     }
-    if not settings:
-        return {**found, "rows": [], "targets": []}
-    score = None if choice.light is None else picture_score(task.mesh, reference, choice.light)
+    score = None
+    if choice.light is not None and not task.frames:
+        score = picture_score(task.mesh, reference, choice.light)
     rows = measure_in_turn(settings, reference, choice.rounds, score, _part(progress, 2))
     for row in rows:
         row["label"] = METHODS[row["method"]].label
     return {**found, "rows": rows, "targets": compare_targets(rows, best)}
+
+
+def _reference(task: Task, rays: int, progress: ProgressFn | None) -> Reference:
+    """The reference of a mesh, or of all frames."""
+    light: dict[str, Any] = {"bounces": task.bounces, "albedo": task.albedo}
+    if not task.frames:
+        return make_reference(task.mesh, task.bands, rays, progress, **light)
+    found = []
+    for step, frame in enumerate(task.frames):
+        found.append(make_reference(frame, task.bands, rays, **light))
+        if progress:
+            progress(step + 1, len(task.frames))
+    return joined_reference(found)
 
 
 def _part(progress: ProgressFn | None, stage: int) -> ProgressFn | None:
@@ -90,24 +108,28 @@ def picture_score(mesh: Mesh, reference: Reference, light: np.ndarray) -> Callab
 
 
 def pool(meshes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """All meshes together, for each number of bounces apart."""
+    """All meshes together and all animations together, for each number of bounces apart."""
     found = []
-    for bounces in dict.fromkeys(mesh["bounces"] for mesh in meshes):
-        held = [mesh for mesh in meshes if mesh["bounces"] == bounces]
+    for moving, bounces in dict.fromkeys((mesh["frames"] > 0, mesh["bounces"]) for mesh in meshes):
+        held = [mesh for mesh in meshes if (mesh["frames"] > 0, mesh["bounces"]) == (moving, bounces)]
         rows = [{**row, "mesh": mesh["mesh"]} for mesh in held for row in mesh["rows"]]
-        of = [mesh["vertices"] for mesh in held for _ in mesh["rows"]]
+        of = [timed_vertices(mesh) for mesh in held for _ in mesh["rows"]]
         together = pooled(rows, of)
         for row in together:
             row["label"] = METHODS[row["method"]].label
         targets = pooled_targets([mesh["targets"] for mesh in held])
-        found.append({"bounces": bounces, "meshes": len(held), "rows": together, "targets": targets})
+        named = {"moving": moving, "bounces": bounces, "meshes": len(held)}
+        found.append({**named, "rows": together, "targets": targets})
     return found
 
 
-def key_of(mesh: Mesh, *rest: Any) -> str:
-    """The hash of all that determines what is measured of a mesh."""
-    digest = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in mesh))
-    digest.update(repr(rest).encode())
+def key_of(frames: Sequence[Mesh], *rest: Any) -> str:
+    """The hash of all that determines what is measured of a mesh; arrays and bytes count by what they hold."""
+    digest = hashlib.sha256()
+    for array in (array for mesh in frames for array in mesh):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for value in rest:
+        digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
     return digest.hexdigest()
 
 

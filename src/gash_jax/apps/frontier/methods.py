@@ -1,22 +1,24 @@
 """The methods that `gash bench frontier` measures, in one table: a new one is one entry of `METHODS`.
 
-An entry says what the method is called, whether it knows light that bounces, and which settings it has for a mesh. A
-setting is called with a seed and gives an `Outcome`: coefficients, the seconds that the scene or the graph took in it,
-and rays per vertex. What cannot be run here (another program that is not installed, weights that nobody gave) raises
-`Unavailable`: it is left out, and the results say why.
+An entry says what the method is called, which settings it has for a mesh, whether it knows light that bounces, and what
+it does on meshes that deform. A setting is called with a seed and gives an `Outcome`: coefficients, the seconds that
+the scene or the graph took in it, and rays per vertex. What cannot be run here (another program that is not installed,
+weights that nobody gave) raises `Unavailable`: it is left out, and the results say why.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.apps.frontier import runtimes
+from gash_jax.apps.frontier.moving import frame_by_frame, kept_graph, one_object
 from gash_jax.apps.frontier.traced import Unavailable, peer_bake, pseudo_random_bake
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.frontier import Outcome, Setting
 from gash_jax.models.ambient import ambient_refinement
+from gash_jax.models.deforming_model import DeformingModel
 from gash_jax.models.model import Model
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.error_target import bake_to_error
@@ -35,7 +37,8 @@ Run = Callable[[int], Outcome]
 class Task(NamedTuple):
     """A mesh to measure methods on: light that bounces so often off surfaces of one grey, and models by name.
 
-    `plain_counts` are ray counts of the plain bake beside the usual ones.
+    `frames` are those of an animation, of which `mesh` is the first; `plain_counts` are ray counts of the plain bake
+    beside the usual ones.
     """
 
     mesh: Mesh
@@ -43,15 +46,21 @@ class Task(NamedTuple):
     models: Mapping[str, Model]
     bounces: int = 0
     albedo: float = 1.0
+    frames: Sequence[Mesh] = ()
+    deforming: Mapping[str, DeformingModel] = {}
     plain_counts: Sequence[int] = ()
 
 
 class Method(NamedTuple):
-    """What a method is called in figures, and its settings for a mesh by name."""
+    """What a method is called in figures, its settings for a mesh by name, and what else it can do.
+
+    `moving` says whether it is measured on animations: "no", each of the "frames" by itself, or on animations "only".
+    """
 
     label: str
     settings: Callable[[Task], dict[str, Run]]
     knows_bounces: bool = False
+    moving: Literal["no", "frames", "only"] = "no"
 
 
 def _closed_form(task: Task) -> dict[str, Run]:
@@ -150,17 +159,27 @@ def _peer(name: str) -> Callable[[Task], dict[str, Run]]:
     return lambda task: {str(n): peer_bake(name, task.mesh, task.bands, n) for n in PEER_RAYS}
 
 
+def _kept(task: Task) -> dict[str, Run]:
+    return kept_graph(task.frames, task.models)
+
+
+def _one_object(task: Task) -> dict[str, Run]:
+    return one_object(task.frames, task.deforming, task.bands)
+
+
 METHODS: dict[str, Method] = {
-    "closed-form": Method("closed form, no shadows", _closed_form, knows_bounces=True),
+    "closed-form": Method("closed form, no shadows", _closed_form, knows_bounces=True, moving="frames"),
     "ambient-occlusion": Method("ambient occlusion", _ambient),
     "pseudo-random": Method("pseudo-random rays", _pseudo_random),
-    "plain": Method("plain bake", _plain, knows_bounces=True),
-    "default": Method("default bake", _default, knows_bounces=True),
-    "error": Method("bake to an error", _to_error),
-    "mlp": Method("MLP", _network("mlp")),
-    "single-stage": Method("GATv2, single stage", _network("gnn")),
-    "two-stage": Method("TransformerConv + GATv2, two stages", _network("two-stage")),
-    "local": Method("surfel network (local)", _network("local")),
+    "plain": Method("plain bake", _plain, knows_bounces=True, moving="frames"),
+    "default": Method("default bake", _default, knows_bounces=True, moving="frames"),
+    "error": Method("bake to an error", _to_error, moving="frames"),
+    "mlp": Method("MLP", _network("mlp"), moving="frames"),
+    "single-stage": Method("GATv2, single stage", _network("gnn"), moving="frames"),
+    "two-stage": Method("TransformerConv + GATv2, two stages", _network("two-stage"), moving="frames"),
+    "local": Method("surfel network (local)", _network("local"), moving="frames"),
+    "kept": Method("surfel network, graph kept", _kept, moving="only"),
+    "one-object": Method("model of one object", _one_object, moving="only"),
     "numpy": Method("networks in NumPy", _runtime(runtimes.numpy_run)),
     "onnx": Method("networks in ONNX Runtime", _runtime(runtimes.onnx_run)),
     "trimesh": Method("plain bake by trimesh.ray", _peer("trimesh")),
@@ -169,19 +188,25 @@ METHODS: dict[str, Method] = {
     "warp": Method("plain bake by Warp", _peer("warp")),
     "pyg": Method("two stages in PyTorch Geometric", _pyg),
 }
-# families whose weights a user may give: those that some entry measures
-FAMILIES = ("mlp", "gnn", "two-stage", "local")
 
 
 def settings_of(task: Task, names: Sequence[str] = tuple(METHODS)) -> tuple[list[Setting], dict[str, str]]:
-    """All settings of the methods for a mesh, and of each method that is left out the reason."""
+    """All settings of the methods that are for such a mesh, and of each that cannot be run here the reason."""
     settings, skipped = [], {}
     for name in names:
         method = METHODS[name]
+        if method.moving == ("no" if task.frames else "only"):
+            continue
         try:
             if task.bounces and not method.knows_bounces:
                 raise Unavailable("knows no light that bounces")
-            settings += [Setting(name, setting, run) for setting, run in method.settings(task).items()]
+            settings += [Setting(name, setting, run) for setting, run in _settings(method, task).items()]
         except Unavailable as reason:
             skipped[name] = str(reason)
     return settings, skipped
+
+
+def _settings(method: Method, task: Task) -> dict[str, Run]:
+    if not task.frames or method.moving == "only":
+        return method.settings(task)
+    return frame_by_frame([method.settings(task._replace(mesh=frame, frames=())) for frame in task.frames])

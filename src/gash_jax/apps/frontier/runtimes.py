@@ -66,7 +66,7 @@ def onnx_run(mesh: Mesh, model: Model) -> Callable[[int], Outcome]:
         graph = model.graph(mesh, seed)
         built = time.perf_counter() - started
         given = _inputs(model.config, graph)
-        found = session.run(None, {name: np.asarray(given[name]) for name in wanted})[0]
+        found = np.asarray(session.run(None, {name: np.asarray(given[name]) for name in wanted})[0])
         usable = np.any(mesh.normals != 0, axis=1)[:, None]
         return Outcome(np.where(usable, found, np.float32(0)), built)
 

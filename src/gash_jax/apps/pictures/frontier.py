@@ -57,16 +57,24 @@ def draw_frontier(results: dict[str, Any], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def timed_vertices(mesh: dict[str, Any]) -> int:
+    """How many vertices a call had to say something of: those of all frames."""
+    return mesh["vertices"] * (mesh["frames"] or 1)
+
+
 def _panels(results: dict[str, Any]) -> list[_Panel]:
     found = []
-    for pool in results["pooled"] if len(results["meshes"]) > 1 else ():
-        bounces = f", {pool['bounces']} bounces" if pool["bounces"] else ""
-        title = f"median of {pool['meshes']} meshes{bounces}"
-        found.append(_Panel(title, pool["rows"], np.array([row["seconds"] for row in pool["rows"]])))
+    for pool in results["pooled"]:
+        if pool["meshes"] > 1:
+            kind = "animations" if pool["moving"] else "meshes"
+            bounces = f", {pool['bounces']} bounces" if pool["bounces"] else ""
+            title, seconds = f"median of {pool['meshes']} {kind}{bounces}", [row["seconds"] for row in pool["rows"]]
+            found.append(_Panel(title, pool["rows"], np.array(seconds)))
     for mesh in results["meshes"]:
         rows = [row for row in mesh["rows"] if row["relrmse"] is not None]
-        seconds = np.array([1e3 * row["seconds"]["median"] / mesh["vertices"] for row in rows])
-        found.append(_Panel(f"{mesh['mesh']}, {mesh['vertices']} vertices", rows, seconds))
+        seconds = np.array([1e3 * row["seconds"]["median"] / timed_vertices(mesh) for row in rows])
+        frames = f"{mesh['frames']} frames of " if mesh["frames"] else ""
+        found.append(_Panel(f"{mesh['mesh']}, {frames}{mesh['vertices']} vertices", rows, seconds))
     return [panel for panel in found if len(panel.rows)]
 
 

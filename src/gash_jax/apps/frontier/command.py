@@ -10,8 +10,8 @@ from typing import Any
 import click
 import numpy as np
 
+from gash_jax.apps.frontier.inputs import BANDS, load_models, read_frames
 from gash_jax.apps.frontier.measuring import (
-    RESOLUTION,
     Choice,
     key_of,
     measure_mesh,
@@ -19,7 +19,7 @@ from gash_jax.apps.frontier.measuring import (
     read_piece,
     write_piece,
 )
-from gash_jax.apps.frontier.methods import FAMILIES, METHODS, Task
+from gash_jax.apps.frontier.methods import METHODS, Task
 from gash_jax.apps.options import LIGHT_HELP, PATH, Command, light_option, quiet_option, up_option
 from gash_jax.apps.pictures.frontier import draw_frontier
 from gash_jax.apps.printing import say
@@ -28,14 +28,12 @@ from gash_jax.apps.tables import print_pooled, print_targets
 from gash_jax.files.atomic import FileError, check_writable, write_json
 from gash_jax.files.caches import source_hash
 from gash_jax.files.settings import near_names
-from gash_jax.formats.meshes import mesh_files, read_mesh
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.formats.meshes import mesh_files
 from gash_jax.light.environment import load_light
 from gash_jax.measure.frontier import compiled_anew
 from gash_jax.measure.provenance import provenance
-from gash_jax.models.model import Model, load_model, model_file, shipped_models
+from gash_jax.models.model import model_file
 
-BANDS = 3  # of the weights that ship
 ALBEDO = 0.6  # of all surfaces, where light bounces
 RESULTS, FIGURE = "results.json", "frontier.png"
 # whose source determines what is measured
@@ -87,70 +85,51 @@ def frontier(
 ) -> None:
     """Speed against error of every method at several settings on every MESH; run again to continue.
 
+    A MESH may be an animation (.npz, .glb): then some of its frames are measured, by the methods that are for them.
     Writes results.json and a figure, frontier.png, with the Pareto front of each mesh and of all together. Settings
     are timed in turn, warm, in several rounds; what cannot be run here is named in the results with the reason.
     """
-    loaded = _load_models(models)
+    loaded = load_models(models)
     light = None if light_path is None else np.asarray(load_light(light_path, BANDS).coefficients)
-    surfaces = _read_meshes(meshes, up)
-    _make_folder(output, [*(file for mesh in meshes for file in mesh_files(mesh)), *map(model_file, models)])
+    surfaces = read_frames(meshes, up)
+    weights = [model_file(name) for name in models]
+    _check_folder(output, [*(file for mesh in meshes for file in mesh_files(mesh)), *weights])
     choice = Choice(methods, rays, rounds, light)
-    weights = [(name, model_file(name).read_bytes()) for name in loaded]
-    source, counts = source_hash(ROOMS), tuple(dict.fromkeys(bounces)) or (0,)
-    tasks = [(name, mesh, count) for name, mesh in surfaces.items() for count in counts]
+    determined = (methods, rays, rounds, light, [(*loaded.networks, *loaded.deforming)])
+    determined += (source_hash(ROOMS), *(file.read_bytes() for file in weights))
+    tasks = [
+        Task(frames[0], BANDS, loaded.networks, count, ALBEDO, frames * (len(frames) > 1), loaded.deforming)
+        for frames in surfaces.values()
+        for count in dict.fromkeys(bounces or (0,))
+    ]
+    names = [name for name in surfaces for _ in dict.fromkeys(bounces or (0,))]
     found: list[dict[str, Any]] = []
-    with progress_bar("", quiet) as update, compiled_anew():
-        for step, (name, mesh, count) in enumerate(tasks):
-            label = name if not count else f"{name}, {count} bounce{'s' * (count > 1)}"
-            key = key_of(mesh, choice, weights, count, source)
+    with progress_bar(f"{len(surfaces)} meshes", quiet) as update, compiled_anew():
+        for step, (name, task) in enumerate(zip(names, tasks, strict=True)):
+            label = f"{name}, {task.bounces} bounce{'s' * (task.bounces > 1)}" if task.bounces else name
+            key = key_of(surfaces[name], task.bounces, *determined)
             path = output / "pieces" / f"{label}.json"
             values = read_piece(path, key)
             if values is None:
-                task = Task(mesh, BANDS, {Path(n).stem: m for n, m in loaded.items()}, count, ALBEDO)
-                values = measure_mesh(
-                    task,
-                    choice,
-                    lambda done, total, s=step: update(s * RESOLUTION + done, len(tasks) * RESOLUTION),
-                )
+                report = lambda done, total, s=step: update(s * total + done, len(tasks) * total)  # noqa: E731
+                values = measure_mesh(task, choice, report)
                 write_piece(path, key, values)
             found.append({"mesh": label, **values})
-            update((step + 1) * RESOLUTION, len(tasks) * RESOLUTION)
-    arguments = {"meshes": list(surfaces), "methods": list(methods), "models": [Path(n).stem for n in loaded]}
+            update(step + 1, len(tasks))
+    arguments = {"meshes": list(surfaces), "methods": list(methods), "models": [Path(name).stem for name in models]}
     arguments |= {"rays": rays, "rounds": rounds, "light": light_path and light_path.name}
     results = {**provenance(seed=0, arguments=arguments), "meshes": found, "pooled": pool(found)}
-    write_json(output / RESULTS, results)
     draw_frontier(results, output / FIGURE)
+    write_json(output / RESULTS, results)
     _tell(results, output, quiet)
 
 
-def _load_models(given: Sequence[str]) -> dict[str, Model]:
-    """The weights that ship and those that were given, all of families that are measured and of as many bands."""
-    known = {name: load_model(name) for name in shipped_models()}
-    for name in given:
-        known[name] = model = load_model(name)
-        if model.config.name not in FAMILIES:
-            raise FileError(f"{name} is a {model.config.name} model: measured are {', '.join(FAMILIES)}")
-        if model.config.bands != BANDS:
-            raise FileError(f"{name} has {model.config.bands} bands: give a model of {BANDS}")
-    return known
-
-
-def _read_meshes(paths: Sequence[Path], up: str) -> dict[str, Mesh]:
-    """Meshes by the names of their files, which must differ."""
-    found: dict[str, Mesh] = {}
-    for path in paths:
-        if path.stem in found:
-            raise FileError(f"two meshes are called {path.stem}: results are kept by name, give one another name")
-        found[path.stem] = read_mesh(path, up)[0]
-    return found
-
-
-def _make_folder(output: Path, inputs: Sequence[Path]) -> None:
+def _check_folder(output: Path, inputs: Sequence[Path]) -> None:
+    """Fail before anything is measured; the folder itself is made with the first result."""
     if output.exists() and not output.is_dir():
         raise FileError(f"cannot write into {output}: it is a file, give a folder")
-    output.mkdir(parents=True, exist_ok=True)
-    for name in (RESULTS, FIGURE):
-        check_writable(output / name, inputs)
+    for path in (output / RESULTS, output / FIGURE) if output.is_dir() else (output,):
+        check_writable(path, inputs)
 
 
 def _tell(results: dict[str, Any], output: Path, quiet: bool) -> None:
