@@ -14,7 +14,7 @@ A point (time, error) is on the *Pareto front* of others where none of them is a
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -76,7 +76,7 @@ def compiled_anew() -> Iterator[None]:
     """Within the block JAX reads no compiled program from disk, so that the first call of a setting shows its cost."""
     from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-    before = jax.config.read("jax_enable_compilation_cache")
+    before = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
     jax.config.update("jax_enable_compilation_cache", False)
     reset_cache()  # JAX asks once whether there is a cache and remembers the answer
     try:
@@ -102,27 +102,40 @@ def _count_compilations() -> Iterator[list[float]]:
         jax.monitoring.unregister_event_duration_listener(listen)
 
 
+def first_calls(settings: Sequence[Setting], progress: ProgressFn | None = None) -> dict[tuple[str, str], float]:
+    """Seconds of the first call of every setting, by method and setting: what it compiles is then there.
+
+    What several settings share is compiled by the first of them. `progress(done, total)` counts calls.
+    """
+    found = {}
+    for step, setting in enumerate(settings):
+        started = time.perf_counter()
+        setting.run(0)
+        found[setting.method, setting.setting] = time.perf_counter() - started
+        if progress:
+            progress(step + 1, len(settings))
+    return found
+
+
 def measure_in_turn(
     settings: Sequence[Setting],
     reference: Reference,
+    first: Mapping[tuple[str, str], float],
     rounds: int = 5,
     picture_score: Callable[[np.ndarray], float] | None = None,
     progress: ProgressFn | None = None,
 ) -> list[dict[str, Any]]:
     """A row for each setting: times, errors against the reference, and whether it is on the front of this mesh.
 
-    `picture_score` of coefficients, the PSNR of relit pictures, is entered as `psnr`, for the last round.
-    `progress(done, total)` counts calls. Raises ValueError for no setting or fewer than one round.
+    `first` is what `first_calls` found, of some of the settings; `compile_seconds` is what the first call took beyond
+    the median, None of the others. `picture_score` of coefficients, the PSNR of relit pictures, is entered as `psnr`,
+    for the last round. `progress(done, total)` counts calls. Raises ValueError for no setting or fewer than one round.
     """
     if not settings or rounds < 1:
         raise ValueError(f"{len(settings)} settings in {rounds} rounds: nothing would be measured")
-    total, first, scores = (rounds + 1) * len(settings), [], []
+    total, scores = rounds * len(settings), []
     calls: list[list[Call]] = [[] for _ in settings]
     with _count_compilations() as compiled:
-        for step, setting in enumerate(settings):
-            first.append(_timed(setting, 0, reference)[0].wall)
-            if progress:
-                progress(step + 1, total)
         for seed in range(rounds):
             for index, setting in enumerate(settings):
                 call, coefficients = _warm(setting, seed, reference, compiled)
@@ -130,8 +143,9 @@ def measure_in_turn(
                 if picture_score and seed == rounds - 1:
                     scores.append(picture_score(coefficients))
                 if progress:
-                    progress((seed + 1) * len(settings) + index + 1, total)
-    rows = [_row(s, c, f, reference) for s, c, f in zip(settings, calls, first, strict=True)]
+                    progress(seed * len(settings) + index + 1, total)
+    taken = [first.get((setting.method, setting.setting)) for setting in settings]
+    rows = [_row(s, c, f, reference) for s, c, f in zip(settings, calls, taken, strict=True)]
     for row, score in zip(rows, scores, strict=False):
         row["psnr"] = score
     for name, key in FRONTS.items():
@@ -167,7 +181,7 @@ def _warm(setting: Setting, seed: int, reference: Reference, compiled: list[floa
             return found
 
 
-def _row(setting: Setting, calls: list[Call], first: float, reference: Reference) -> dict[str, Any]:
+def _row(setting: Setting, calls: list[Call], first: float | None, reference: Reference) -> dict[str, Any]:
     truth = reference.coefficients
     error = float(np.mean([call.mse for call in calls]))
     energy = float(np.mean(truth.astype(np.float64) ** 2))
@@ -183,7 +197,7 @@ def _row(setting: Setting, calls: list[Call], first: float, reference: Reference
         "seconds": spread(wall),
         "seconds_without_set_up": spread(wall - [call.set_up for call in calls]),
         "cpu_seconds": spread(np.array([call.cpu for call in calls])),
-        "compile_seconds": max(first - float(np.median(wall)), 0.0),
+        "compile_seconds": None if first is None else max(first - float(np.median(wall)), 0.0),
     }
 
 

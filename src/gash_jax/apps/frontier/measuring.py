@@ -20,14 +20,14 @@ from gash_jax.files.atomic import write_json
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.shading import shade
 from gash_jax.measure.best_count import compare_targets, fewest_rays, plain_error, pooled_targets
-from gash_jax.measure.frontier import measure_in_turn, pooled, relative_noise
+from gash_jax.measure.frontier import first_calls, measure_in_turn, pooled, relative_noise
 from gash_jax.measure.metrics import image_scores
 from gash_jax.measure.reference import Reference, make_reference
 from gash_jax.prt.tracing import ProgressFn
 
 PICTURE_VIEWS, PICTURE_SIZE = ("front", "back"), 256
-# which part of the time of a mesh the stages take, about: reference, best counts, rounds
-STAGES = (0.15, 0.15, 0.7)
+# which part of the time of a mesh the stages take, about: first calls, reference, best counts, rounds
+STAGES = (0.2, 0.1, 0.1, 0.6)
 RESOLUTION = 1000  # of the progress of a mesh
 
 
@@ -47,14 +47,13 @@ def measure_mesh(task: Task, choice: Choice, progress: ProgressFn | None = None)
     """
     settings, skipped = settings_of(task, choice.methods)
     if not settings:
-        reasons = (
-            "; ".join(f"{name}: {reason}" for name, reason in skipped.items()) or "they are for other kinds of mesh"
-        )
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in skipped.items()) or "of other kinds of mesh"
         raise ValueError(f"none of the methods can be run, choose others with --methods ({reasons})")
-    reference = _reference(task, choice.rays, _part(progress, 0))
+    first = first_calls(settings, _part(progress, 0))  # before anything else compiles what they share with it
+    reference = _reference(task, choice.rays, _part(progress, 1))
     best: dict[float, int | None] = {}
     if {"plain", "error"} <= set(choice.methods) and not task.bounces and not task.frames:
-        best = fewest_rays(lambda rays: plain_error(task.mesh, reference, rays), ERRORS, progress=_part(progress, 1))
+        best = fewest_rays(lambda rays: plain_error(task.mesh, reference, rays), ERRORS, progress=_part(progress, 2))
     counts = [count for count in best.values() if count is not None]
     settings, _ = settings_of(task._replace(plain_counts=counts), choice.methods)
     found = {
@@ -68,7 +67,7 @@ def measure_mesh(task: Task, choice: Choice, progress: ProgressFn | None = None)
     score = None
     if choice.light is not None and not task.frames:
         score = picture_score(task.mesh, reference, choice.light)
-    rows = measure_in_turn(settings, reference, choice.rounds, score, _part(progress, 2))
+    rows = measure_in_turn(settings, reference, first, choice.rounds, score, _part(progress, 3))
     for row in rows:
         row["label"] = METHODS[row["method"]].label
     return {**found, "rows": rows, "targets": compare_targets(rows, best)}
