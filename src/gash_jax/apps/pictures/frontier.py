@@ -94,12 +94,18 @@ def _draw(plot: Axes, panel: _Panel, name: str, text: str, labels: Sequence[str]
             seconds[front], values[front], color="0.7", lw=6, solid_capstyle="round", zorder=1, label="Pareto front"
         )
     for label in dict.fromkeys(row["label"] for row in rows):
-        own = np.array([index for index, row in enumerate(rows) if row["label"] == label])
-        own = own[np.argsort(seconds[own])]
+        own = [index for index, row in enumerate(rows) if row["label"] == label]
+        numbers = all(rows[index]["setting"].replace(".", "").isdigit() for index in own)
+        if numbers:
+            own.sort(key=lambda index: float(rows[index]["setting"]))
         place = labels.index(label)
         color, marker = colormaps["tab20"](place * 2 % 20 + place * 2 // 20), MARKERS[place % len(MARKERS)]
-        line = "-" if all(rows[index]["setting"].replace(".", "").isdigit() for index in own) else ""
-        plot.plot(seconds[own], values[own], line, color=color, marker=marker, ms=5, lw=1, label=label)
+        style: dict[str, Any] = {"color": color, "marker": marker, "ms": 5, "lw": 1, "ls": "-" if numbers else "none"}
+        plot.plot(seconds[own], values[own], label=label, **style)
+    if name == "relrmse":
+        plot.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        plot.yaxis.set_major_formatter("{x:g}")
+        plot.yaxis.set_minor_formatter(NullFormatter())
     plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     plot.xaxis.set_major_formatter("{x:g}")
     plot.xaxis.set_minor_formatter(NullFormatter())
