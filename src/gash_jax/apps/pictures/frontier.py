@@ -18,7 +18,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from gash_jax.measure.frontier import pareto_front
 
-COLUMNS = 4
+MOST_COLUMNS = 4
 LEAST_WIDTH = 9.0  # inches, for the legend
 MARKERS = "osD^v<>ph8"
 TIME = "seconds per 1000 vertices, set-up included"
@@ -39,8 +39,8 @@ def draw_frontier(results: dict[str, Any], path: Path) -> None:
     measures = [("relrmse", "relative RMS error")]
     if any(row.get("psnr") is not None for panel in panels for row in panel.rows):
         measures.append(("psnr", "PSNR of relit pictures, dB"))
-    columns = min(COLUMNS, len(panels))
-    lines = ceil(len(panels) / columns)
+    lines = ceil(len(panels) / MOST_COLUMNS)
+    columns = ceil(len(panels) / lines)
     figure = Figure(figsize=(max(4.2 * columns, LEAST_WIDTH), 3.6 * lines * len(measures) + 1.2), layout="constrained")
     plots = figure.subplots(lines * len(measures), columns, squeeze=False)
     for block, (name, text) in enumerate(measures):
