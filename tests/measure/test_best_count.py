@@ -45,7 +45,8 @@ def test_the_error_of_the_plain_bake_is_that_of_its_bakes() -> None:
     reference = make_reference(mesh, 2, 256)
     bakes = [bake_transfer(mesh, 2, 8, replicates=1, seed=seed).coefficients for seed in range(3)]
     errors = [metrics.relrmse(found, reference.coefficients) for found in bakes]
-    assert plain_error(mesh, reference, 8, 3) == pytest.approx(np.sqrt(np.mean(np.square(errors))))
+    squares = [error**2 for error in errors if error is not None]
+    assert len(squares) == 3 and plain_error(mesh, reference, 8, 3) == pytest.approx(np.sqrt(np.mean(squares)))
     assert plain_error(mesh, reference._replace(coefficients=0 * reference.coefficients), 8, 1) == float("inf")
 
 
