@@ -49,7 +49,7 @@ def peer_bake(name: str, mesh: Mesh, bands: int, rays: int) -> Callable[[int], O
     """
     try:
         build = TRACERS[name]()
-    except (ImportError, OSError) as reason:
+    except (ImportError, OSError, RuntimeError) as reason:
         raise Unavailable(f"{' '.join(str(reason).split())}: pip install 'gash-jax[peers]'") from None
 
     def run(seed: int) -> Outcome:

@@ -9,7 +9,7 @@ import importlib
 import os
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any
+from typing import Any, no_type_check
 
 import numpy as np
 
@@ -80,6 +80,7 @@ def warp_tracer() -> Build:
     warp.init()
     far = 1e10  # beyond anything in trace space, where a mesh has size 1
 
+    @no_type_check  # Warp reads its source, which nothing may wrap
     def meets(mesh: warp.uint64, origins: Any, directions: Any, hit: Any):
         i = warp.tid()
         hit[i] = warp.mesh_query_ray(mesh, origins[i], directions[i], far).result
