@@ -1,7 +1,7 @@
 """Write everything in the documents that is generated: `.venv/bin/python -m docs` from the repository root.
 
-Tables come from docs/results/*.json, copies of what `make demo` wrote and of what the scripts of benchmarks/ and
-experiments/ wrote with --output; the graph of rooms comes from the imports themselves, conventions from their records.
+Tables come from docs/results/*.json, copies of what `gash bench frontier` and the scripts of benchmarks/ and
+experiments/ wrote; the graph of rooms comes from the imports themselves, conventions from their records.
 A test compares.
 """
 

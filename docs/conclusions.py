@@ -150,7 +150,7 @@ def verdict(results: Results) -> str:
     mlp, two_stage = SHIPPED["mlp"], SHIPPED["two-stage"]
     rays = median_rays([row["methods"][mlp]["equivalent_rays"] for row in result["rows"]])
     return textwrap.fill(
-        "That is one mesh on one machine. Over many unseen meshes ([results](docs/results.md)): timed side by side, "
+        "Over many meshes that no network has seen ([results](docs/results.md)): timed side by side, "
         f"`local` takes less time than the plain bake of the same error on {faster(results['local_speed'])}. A plain "
         f"bake of {YARDSTICK_RAYS[-1]} rays or fewer has less error in less time than `two-stage`, the published graph "
         f"network, on {beaten(result, two_stage)}, and than `mlp` on {beaten(result, mlp)}; the error of `mlp` is that "

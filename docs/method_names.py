@@ -47,12 +47,6 @@ def method_name(key: str) -> str:
     return f"{name}; with ambient occlusion" if base != key else name
 
 
-def network_name(key: str) -> str:
-    """The name, and behind it what the command line calls it where that is something else."""
-    name = method_name(key)
-    return f"{name} (`{key}`)" if key in WHAT and "`" not in name else name
-
-
 def key_of_names() -> str:
     """A table with name, config and meaning of every network that is compared."""
     rows = [f"| {_NAMES[name]} | `{name}` | {WHAT[name]} |" for name in (*SHORT, "local")]

@@ -1,7 +1,7 @@
 """Tables inside documents that are otherwise written by hand, from docs/results/*.json.
 
 Text between <!-- NAME --> and <!-- /NAME --> is replaced; nothing in those tables is typed by hand. The results are
-copies of what `make demo` wrote, and what the scripts of benchmarks/ and experiments/ write with --output.
+what `gash bench frontier` and the scripts of benchmarks/ and experiments/ write.
 """
 
 import json
@@ -14,6 +14,7 @@ from docs import (
     animation_tables,
     baking_tables,
     bounce_tables,
+    frontier_tables,
     gloss_tables,
     light_tables,
     rotation_tables,
@@ -24,25 +25,9 @@ from docs import (
 )
 from docs.baking_tables import origin
 from docs.deforming_tables import deforming_table
-from docs.method_names import network_name
 from docs.model_tables import stage_tables
 
 ROOT = Path(__file__).parents[1]
-
-
-def _cell(value: Any, digits: int) -> str:
-    return f"{value:.{digits}f}" if isinstance(value, float) else str(value)
-
-
-def demo_table(result: dict[str, Any]) -> str:
-    """Speed against error on the demo's mesh."""
-    lines = ["| method | seconds | relrmse | skill | equivalent rays |", "|---|--:|--:|--:|--:|"]
-    for row in result["rows"]:
-        numbers = [_cell(row["seconds"], 3), _cell(row["relrmse"], 4), _cell(row["skill"], 3)]
-        lines.append(f"| {network_name(row['method'])} | {' | '.join(numbers)} | {_cell(row['equivalent_rays'], 1)} |")
-    arguments = result["arguments"]
-    lines += ["", f"{arguments['mesh'].capitalize()}, {result['vertices']} vertices, {origin(result)}, seed 0."]
-    return "\n".join(lines)
 
 
 def speed_table(result: dict[str, Any]) -> str:
@@ -105,12 +90,15 @@ class Table(NamedTuple):
 
 ROTATION = "../../experiments/rotation/results.json"
 TABLES = (
-    Table("README.md", "DEMO", demo_table, "demo.json"),
+    Table("README.md", "FRONTIER", frontier_tables.frontier_table, "frontier.json"),
     Table("README.md", "SPEED", speed_table, "bake_speed.json"),
     Table("README.md", "START UP", start_up_table, "start_up.json"),
     Table("README.md", "CORPUS", corpus_table, "corpus_sizes.json"),
     Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
     Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
+    Table("docs/baking.md", "TARGETS", frontier_tables.targets_table, "frontier.json"),
+    Table("docs/baking.md", "TARGETS BY MESH", frontier_tables.mesh_targets_table, "frontier.json"),
+    Table("docs/baking.md", "FRONTIER", frontier_tables.whole_table, "frontier.json"),
     Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),
     Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
     Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),

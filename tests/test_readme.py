@@ -49,6 +49,8 @@ def test_readme_commands_and_example(tmp_path: Path, monkeypatch: pytest.MonkeyP
             arguments += [*TINY.split(), "model.channels=8", "model.layers=1"]
         if arguments[0] in ("evaluate", "bench"):
             arguments += ["--rays", "64"]
+        if arguments[:2] == ["bench", "frontier"]:  # all methods: tests/apps/frontier
+            arguments += ["--methods", "closed-form,plain", "--rounds", "1"]
         if "--texture" in arguments:
             arguments += ["--rays", "1"]
         gash.main(arguments, standalone_mode=False)

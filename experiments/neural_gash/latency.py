@@ -34,7 +34,7 @@ def measure(mesh: Mesh, model: Model) -> dict[str, float | None]:
     row: dict[str, float | None] = {"bake": bake, "graph": building, "stage1": stage1, "stage2": both - stage1}
     row |= {"ambient": ambient, "pyg": None}
     try:
-        from benchmarks import pyg_two_stage
+        from gash_jax.apps.frontier import pyg_two_stage
     except ImportError:
         return row
     network, nodes = pyg_two_stage.PygTwoStage(model.config, model.params), dict(graph.nodes)  # type: ignore[call-overload]

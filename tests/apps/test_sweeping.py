@@ -13,7 +13,6 @@ import pytest
 from PIL import Image
 
 from gash_jax.apps.cli import gash
-from gash_jax.apps.pictures.plots import pareto_front
 
 SPEC = """
 name = "tiny"
@@ -76,15 +75,6 @@ def test_more_jobs_than_cores_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     Path("sweep.toml").write_text(SPEC.replace("VALUES", "[4]").replace("BATCH", "512"))
     with pytest.raises(ValueError, match="--jobs 1000"):
         gash.main(["sweep", "sweep.toml", "-o", "out", "--jobs", "1000"], standalone_mode=False)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_front_is_what_no_other_point_beats(seed: int) -> None:
-    costs = np.random.default_rng(seed).integers(0, 5, (12, 2)).astype(float)  # ties and doubles
-    front = pareto_front(costs)
-    beaten = [any(np.all(b <= a) and np.any(b < a) for b in costs) for a in costs]
-    assert {tuple(costs[i]) for i in front} == {tuple(c) for c, b in zip(costs, beaten, strict=True) if not b}
-    assert np.all(np.diff(costs[front, 0]) > 0) and np.all(np.diff(costs[front, 1]) < 0)
 
 
 CHILD = """

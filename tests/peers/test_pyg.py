@@ -17,7 +17,7 @@ pytest.importorskip("torch_geometric", reason=REASON)
 
 from torch_geometric import nn as pyg  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from benchmarks import pyg_two_stage  # noqa: E402
+from gash_jax.apps.frontier import pyg_two_stage  # noqa: E402
 from gash_jax.models.families import build_model, model_config, model_graph  # noqa: E402
 from gash_jax.models.model import load_model, save_model  # noqa: E402
 from gash_jax.nn.attention import GATv2Conv, TransformerConv  # noqa: E402

@@ -46,3 +46,29 @@ def print_meshes(rows: Sequence[dict[str, Any]]) -> None:
         times = (f"{value:.2f}" for value in spent)
         table.add_row(row["mesh"], str(row["vertices"]), *times, *_cells(row), *(f"{row[key]:.3f}" for key in seen))
     Console(width=140).print(table)
+
+
+def print_pooled(pool: dict[str, Any]) -> None:
+    """One row a setting, as `measure.frontier.pooled` gives them; a star marks the Pareto front."""
+    shown = any("psnr" in row for row in pool["rows"])
+    names = ("ms per 1000 vertices", "without set-up", "relrmse", "equivalent rays", *("PSNR",) * shown, "front")
+    table = _table("method", ("setting", *names))
+    for row in sorted(pool["rows"], key=lambda row: row["seconds"]):
+        times = (f"{1e3 * row[key]:.2f}" for key in ("seconds", "seconds_without_set_up"))
+        rays = row["equivalent_rays"]
+        cells = [f"{row['relrmse']:.4f}", f"{rays:.1f}" if isinstance(rays, float) else rays]
+        cells += [f"{row['psnr']:.1f}" if "psnr" in row else ""] * shown
+        table.add_row(row["label"], row["setting"], *times, *cells, "*" if row["on_front"] else "")
+    Console(width=140).print(table)
+
+
+def print_targets(targets: Sequence[dict[str, Any]]) -> None:
+    """Bakes to an error beside the plain bake of the best count, as `measure.best_count.pooled_targets` gives them."""
+    names = ("meshes", "true / target: median", "largest", "seconds / best plain: median", "largest")
+    table = _table("target", names)
+    for row in targets:
+        cells = [str(row["compared"])]
+        for key in ("error_over_target", "ratio_of_seconds"):
+            cells += [f"{row[key][name]:.2f}" if row[key] else "-" for name in ("median", "largest")]
+        table.add_row(f"{row['target']:g}", *cells)
+    Console(width=140).print(table)

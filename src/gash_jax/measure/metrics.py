@@ -113,15 +113,24 @@ def calibration(
 
 
 def plain_bake_curve(
-    mesh: Mesh, reference: np.ndarray, reference_rays: int, seed: int = 1, progress: ProgressFn | None = None
+    mesh: Mesh,
+    reference: np.ndarray,
+    reference_rays: int,
+    seed: int = 1,
+    progress: ProgressFn | None = None,
+    **light: Any,
 ) -> dict[int, float]:
-    """MSE of the plain bake at 4, 8, 16 ... rays, up to an eighth of the reference's rays."""
+    """MSE of the plain bake at 4, 8, 16 ... rays, up to an eighth of the reference's rays.
+
+    `light` are `bounces` and `albedo` of the bakes, where the reference has light that bounces.
+    """
     bands, counts = round(reference.shape[1] ** 0.5), [4]
     while counts[-1] * 2 <= reference_rays // REFERENCE_SHARE:
         counts.append(counts[-1] * 2)
     curve = {}
     for step, rays in enumerate(counts):
-        curve[rays] = mse(bake_transfer(mesh, bands, rays, replicates=1, seed=seed).coefficients, reference)
+        found = bake_transfer(mesh, bands, rays, replicates=1, seed=seed, **light).coefficients
+        curve[rays] = mse(found, reference)
         if progress:
             progress(step + 1, len(counts))
     return curve

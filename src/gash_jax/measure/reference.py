@@ -32,11 +32,21 @@ class Reference(NamedTuple):
 
 
 def make_reference(
-    mesh: Mesh, bands: int = 3, rays: int = REFERENCE_RAYS, progress: ProgressFn | None = None
+    mesh: Mesh,
+    bands: int = 3,
+    rays: int = REFERENCE_RAYS,
+    progress: ProgressFn | None = None,
+    *,
+    bounces: int = 0,
+    albedo: float = 1.0,
 ) -> Reference:
-    """Bake the reference of a mesh and the plain bakes below it, or read them from the cache."""
+    """Bake the reference of a mesh and the plain bakes below it, or read them from the cache.
+
+    With `bounces` it is of light that surfaces of one grey `albedo` reflected up to so many times.
+    """
+    light: dict[str, Any] = {"bounces": bounces, "albedo": albedo} if bounces else {}
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in mesh))
-    digest.update(repr((bands, rays, REFERENCE_SEED, source_hash(BAKE_ROOMS))).encode())
+    digest.update(repr((bands, rays, REFERENCE_SEED, source_hash(BAKE_ROOMS), *light.values())).encode())
     path = cache_folder() / "references" / f"{digest.hexdigest()[:24]}.npz"
     try:
         arrays, metadata = read_npz(path, "reference", ("coefficients", "standard_error"))
@@ -46,8 +56,8 @@ def make_reference(
         return Reference(arrays["coefficients"], arrays["standard_error"], curve, rays)
     except (ValueError, LookupError, AttributeError, TypeError):  # not there yet, or damaged: it is only a cache
         pass
-    transfer = bake_transfer(mesh, bands, rays, seed=REFERENCE_SEED, progress=progress)
-    curve = metrics.plain_bake_curve(mesh, transfer.coefficients, rays)
+    transfer = bake_transfer(mesh, bands, rays, seed=REFERENCE_SEED, progress=progress, **light)
+    curve = metrics.plain_bake_curve(mesh, transfer.coefficients, rays, **light)
     assert transfer.standard_error is not None
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {"coefficients": transfer.coefficients, "standard_error": transfer.standard_error}

@@ -55,8 +55,8 @@ def _occlusion(
 
 
 def ambient_refinement(
-    mesh: Mesh, coefficients: Float[np.ndarray, "v k"], strength: float = STRENGTH
+    mesh: Mesh, coefficients: Float[np.ndarray, "v k"], strength: float = STRENGTH, neighbours: int = NEIGHBOURS
 ) -> Float[np.ndarray, "v k"]:
     """Coefficients darkened where neighbours stand above the tangent plane; never by more than to 0."""
-    shade = np.clip(1 - strength * ambient_occlusion(mesh), 0, 1)
+    shade = np.clip(1 - strength * ambient_occlusion(mesh, neighbours), 0, 1)
     return (coefficients * shade[:, None]).astype(coefficients.dtype)

@@ -1,7 +1,8 @@
-"""`gash bench`: every method on one mesh, speed against error."""
+"""`gash bench`: some methods on one mesh; `gash bench frontier`: every method at several settings on many meshes."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,7 +18,21 @@ from gash_jax.measure.reference import make_reference
 from gash_jax.models.model import Model, load_model, model_file
 
 
-@click.command(cls=Command, epilog="gash bench bunny.ply --model local -o bench.json")
+class Bench(Command):
+    """The command of one mesh, and that of many where the first word is its name: no file of a mesh is called so."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """As click does it, for the command that is meant."""
+        if args[:1] != ["frontier"]:
+            return super().make_context(info_name, args, parent, **extra)
+        from gash_jax.apps.frontier.command import frontier  # Matplotlib and more, which one mesh does not need
+
+        return frontier.make_context(f"{info_name} frontier", args[1:], parent, **extra)
+
+
+@click.command(cls=Bench, epilog="gash bench bunny.ply --model local -o bench.json")
 @click.argument("mesh", type=PATH)
 @click.option(
     "--model",
@@ -29,7 +44,10 @@ from gash_jax.models.model import Model, load_model, model_file
 def bench(
     mesh: Path, models: tuple[str, ...], rays: int, up: str, output: Path | None, as_json: bool, quiet: bool
 ) -> None:
-    """Speed against error on MESH: closed form, plain bakes, networks."""
+    """Speed against error on MESH: closed form, plain bakes, networks.
+
+    `gash bench frontier MESH... -o FOLDER` measures every method at several settings on many meshes, with a figure.
+    """
     if output:
         check_writable(output, [*mesh_files(mesh), *map(model_file, models)])
     names = models or ("local",)

@@ -1,4 +1,4 @@
-"""Figures: learning curves of a run, speed against error of a sweep. The only file that imports matplotlib."""
+"""Figures: learning curves of a run, speed against error of a sweep."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
+from gash_jax.measure.frontier import pareto_front
 from gash_jax.train.logs import read_lines
 
 # offsets in points and alignments at which a label of a point is tried
@@ -19,13 +20,6 @@ PLACES = tuple(
     for x, side in ((5.0, "left"), (-5.0, "right"), (0.0, "center"))
     for sign, level in ((1.0, "bottom"), (-1.0, "top"))
 )
-
-
-def pareto_front(costs: np.ndarray) -> np.ndarray:
-    """Indices of the rows (n, 2) that no other row beats in both columns, by rising first column."""
-    order = np.lexsort((costs[:, 1], costs[:, 0]))
-    lowest = np.minimum.accumulate(np.concatenate([[np.inf], costs[order, 1][:-1]]))
-    return order[costs[order, 1] < lowest]
 
 
 def plot_pareto(rows: Sequence[dict[str, Any]], axes: Sequence[str], path: Path) -> None:
