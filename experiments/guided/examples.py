@@ -17,8 +17,9 @@ from gash_jax.files.npz import read_npz, write_npz
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
 from gash_jax.models.reconstruction import make_surface
+from gash_jax.nn.reconstruction import by_band
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.few_rays import continued_shifts, trace_first, trace_up_to
+from gash_jax.prt.few_rays import LARGEST_ROW, FewRays, continued_shifts, trace_first, trace_up_to
 from gash_jax.prt.integrands import to_world
 from gash_jax.prt.scene import make_scene
 from gash_jax.prt.tracing import active_rows
@@ -26,15 +27,15 @@ from gash_jax.prt.visibility import visibility
 from gash_jax.shapes.procedural import make_shape
 
 BANDS = 6
-COUNTS = (4, 8, 16, 32, 64, 128, 256)
-COARSE, FINE = (300, 3000), (2000, 12000)
-TRUTH = 1024
+COUNTS = (4, 8, 16, 32, 64, 128, 256, 512, 1024)
+COARSE, FINE = (300, 3000), (2000, 10000)
+TRUTH = 2048
 ROOMS = ("algebra", "geometry", "shapes", "prt", "graph")
 
 
 class Example(NamedTuple):
     """The active vertices of a mesh: the surface, then residuals to the closed form and free shares by number of rays,
-    and the residual of the bake."""
+    and the residual of the bake with the square of its standard error, mean over each band."""
 
     places: Float[np.ndarray, "a 3"]
     normals: Float[np.ndarray, "a 3"]
@@ -43,6 +44,7 @@ class Example(NamedTuple):
     residuals: Float[np.ndarray, "n a k"]
     shares: Float[np.ndarray, "n a"]
     truth: Float[np.ndarray, "a k"]
+    doubt: Float[np.ndarray, "a b"]
 
 
 def make_example(mesh: Mesh, seed: int, truth: int = TRUTH, counts: tuple[int, ...] = COUNTS) -> Example:
@@ -50,19 +52,26 @@ def make_example(mesh: Mesh, seed: int, truth: int = TRUTH, counts: tuple[int, .
     geometry = make_scene(mesh).geometry
     visible = visibility(geometry.vertices, geometry.faces)
     order = np.argsort(curve_codes(geometry.vertices, mesh.normals, 30), kind="stable")
-    closed = None
-    residuals, shares = [], []
-    for start in counts:
-        active, rows = active_rows(mesh, geometry, None, continued_shifts(order, start, seed))
-        few = trace_first(rows, min(start, 64), BANDS, visible)
-        few = trace_up_to(few, np.full(len(active), start), rows, BANDS, visible)
-        closed = np.asarray(unshadowed_transfer(mesh.normals[active], BANDS))
-        residuals.append(np.asarray(to_world(few.local[:, None], rows.frames))[:, 0] - closed)
-        shares.append(few.share)
+    active = np.flatnonzero(np.any(mesh.normals != 0, axis=1))
+    closed = np.asarray(unshadowed_transfer(mesh.normals[active], BANDS))
+    estimates: list[FewRays] = []
+    rows = active_rows(mesh, geometry, None, continued_shifts(order, counts[0], seed))[1]
+    for count in counts:
+        if count <= LARGEST_ROW:
+            rows = active_rows(mesh, geometry, None, continued_shifts(order, count, seed))[1]
+            estimates.append(trace_first(rows, count, BANDS, visible))
+        else:  # as a bake does that adds to what it has
+            estimates.append(trace_up_to(estimates[-1], np.full(len(active), count), rows, BANDS, visible))
+    residuals = [np.asarray(to_world(few.local[:, None], rows.frames))[:, 0] - closed for few in estimates]
+    shares = [few.share for few in estimates]
     surface = make_surface(geometry.vertices, mesh.normals, rows.frames, mesh.faces, active)
-    baked = bake_transfer(mesh, BANDS, truth, seed=seed + 1).coefficients[active] - closed
+    baked = bake_transfer(mesh, BANDS, truth, seed=seed + 1)
+    assert baked.standard_error is not None
+    doubt = np.asarray(by_band(baked.standard_error[active].T ** 2, BANDS)).T
     return Example(
-        surface.places, surface.normals, surface.table, surface.found, np.stack(residuals), np.stack(shares), baked
+        *(surface.places, surface.normals, surface.table.T, surface.found.T),
+        *(np.stack(residuals), np.stack(shares)),
+        *(baked.coefficients[active] - closed, doubt),
     )
 
 

@@ -27,7 +27,7 @@ from gash_jax.files.npz import write_npz
 from gash_jax.measure.provenance import provenance
 from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, by_band, edge_features, reference_noise
 
-SEED, SHAPES, STEPS = 31, 96, 3000
+SEED, SHAPES, STEPS = 31, 64, 3000
 SIZES = (1024, 2048, 4096, 8192, 16384)  # of padded meshes
 BAND_WEIGHTS = np.array([2, 2, 2, 1, 1, 1], np.float32) / 9
 EXPECTED = 0.02  # weight of the expected error
@@ -42,7 +42,8 @@ def padded(example: Example) -> dict[str, Any]:
     def fill(array: np.ndarray) -> np.ndarray:
         return np.concatenate([array, np.zeros((size - count, *array.shape[1:]), array.dtype)])
 
-    rows = {name: fill(getattr(example, name)) for name in ("places", "normals", "table", "found", "truth")}
+    rows = {name: fill(getattr(example, name)) for name in ("places", "normals", "table", "found", "truth", "doubt")}
+    rows = {name: np.ascontiguousarray(array.T) for name, array in rows.items()}  # vertices last, as in the network
     return {**rows, "real": np.arange(size) < count}
 
 
@@ -53,7 +54,7 @@ def draw_counts(rng: np.random.Generator, example: Example) -> np.ndarray:
         return np.full(count, rng.integers(most + 1))
     share = example.shares[1][example.table].mean(axis=1)
     urgency = np.log2(share * (1 - share) + 0.01)
-    level = rng.uniform(1, 4) + rng.uniform(0, 1) * (urgency - urgency.mean()) + rng.normal(0, 0.3, count)
+    level = rng.uniform(1, 6) + rng.uniform(0, 1) * (urgency - urgency.mean()) + rng.normal(0, 0.3, count)
     return np.clip(np.rint(level), 1, most).astype(int)
 
 
@@ -62,16 +63,18 @@ def step_loss(
 ) -> tuple[jax.Array, jax.Array]:
     """Error relative to that of the mesh's own rays, mean over bands; with the likelihood of the expected error."""
     places, normals, table, found, real = (mesh[name] for name in ("places", "normals", "table", "found", "real"))
-    edges = edge_features(places, normals, places[table], normals[table], found)
+    edges = edge_features(places, normals, places[:, table], normals[:, table], found)
     seen = Seen(residual, reference_noise(rays, share, module.bands), rays, share)
-    rebuilt, expected = module.apply({"params": params}, seen, table, Around(edges, found))
+    applied: Any = module.apply({"params": params}, seen, table, Around(edges, found))
+    rebuilt, expected = applied
 
     def error(values: jax.Array) -> jax.Array:
-        return jnp.where(real[:, None], by_band((values - mesh["truth"]) ** 2, module.bands), 0)
+        return jnp.where(real, by_band((values - mesh["truth"]) ** 2, module.bands), 0)
 
-    left, own, count = error(rebuilt), error(residual), jnp.sum(real)
-    ratio = left.sum(axis=0) / (own.sum(axis=0) + 1e-7 * count)
-    likelihood = jnp.where(real[:, None], left / expected + jnp.log(expected), 0).sum() / count / module.bands
+    # without what the bake itself is off by, on average
+    left, own, doubt, count = error(rebuilt), error(residual).sum(axis=1), mesh["doubt"], jnp.sum(real)
+    ratio = (left - doubt).sum(axis=1) / (jnp.maximum(own - doubt.sum(axis=1), 0.3 * own) + 1e-7 * count)
+    likelihood = jnp.where(real, (left - doubt) / expected + jnp.log(expected), 0).sum() / count / module.bands
     # the square: a mesh that gains nothing weighs more than one that gains twice
     return jnp.sum(BAND_WEIGHTS * (ratio + 0.5 * ratio**2)) + EXPECTED * likelihood, jnp.sum(BAND_WEIGHTS * ratio)
 
@@ -82,13 +85,9 @@ def train(
     """The module, its weights, and the ratio of every step."""
     module, rng = Reconstruction(), np.random.default_rng(seed)
     meshes = [padded(example) for example in examples]
-    first = meshes[0]
-    edges = jnp.zeros((*first["table"].shape, 5))
-    blank = Seen(
-        jnp.zeros_like(first["truth"]),
-        jnp.ones((len(first["truth"]), module.bands)),
-        *2 * [jnp.ones(len(first["truth"]))],
-    )
+    first, size = meshes[0], len(meshes[0]["real"])
+    edges, ones = jnp.zeros((5, *first["table"].shape)), jnp.ones(size)
+    blank = Seen(jnp.zeros(first["truth"].shape), jnp.ones((module.bands, size)), ones, ones)
     params = module.init(jax.random.PRNGKey(seed), blank, first["table"], Around(edges, first["found"]))["params"]
     optimiser = optax.chain(
         optax.clip_by_global_norm(1.0), optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, steps))
@@ -105,14 +104,10 @@ def train(
         number = rng.integers(len(examples))
         example, mesh = examples[number], meshes[number]
         chosen = draw_counts(rng, example)
-        size, count = len(mesh["real"]), len(chosen)
-        residual, share, rays = (
-            np.zeros((size, example.truth.shape[1]), np.float32),
-            np.zeros(size, np.float32),
-            np.ones(size, np.float32),
-        )
+        size, count, k = len(mesh["real"]), len(chosen), len(mesh["truth"])
+        residual, share, rays = np.zeros((k, size), np.float32), np.zeros(size, np.float32), np.ones(size, np.float32)
         everyone = np.arange(count)
-        residual[:count], share[:count] = example.residuals[chosen, everyone], example.shares[chosen, everyone]
+        residual[:, :count], share[:count] = example.residuals[chosen, everyone].T, example.shares[chosen, everyone]
         rays[:count] = np.array(COUNTS)[chosen]
         params, state, ratio = update(params, state, mesh, residual, rays, share)
         ratios.append(float(ratio))
@@ -130,7 +125,7 @@ def main(output: Path, shapes: int, steps: int) -> None:
     last = math.fsum(ratios[-steps // 5 :]) / len(ratios[-steps // 5 :])
     print(f"error of the last fifth of the steps, relative to that of the rays: {last:.3f}")
     arrays = {name: np.asarray(leaf) for name, leaf in flatten_dict(params, sep="/").items()}
-    sizes = [module.hidden, module.bands, module.count]
+    sizes = [module.hidden, module.bands]
     output.parent.mkdir(parents=True, exist_ok=True)
     write_npz(
         output, arrays, {**provenance(seed=SEED), "sizes": sizes, "shapes": shapes, "steps": steps, "ratio": last}

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
-WIDTH = 8  # of a closed mesh a vertex has six edges on average
+WIDTH = 6  # of a closed mesh a vertex has six edges on average
 
 
 def edge_table(

@@ -5,8 +5,9 @@ the less; what error is left the network says itself, as `predicted_error`. For 
 `bake_transfer` and `prt.error_target.bake_to_error`, which know no network.
 
 To an error: `PILOT` rays for every vertex, reconstructed. The network's expected errors say how many rays, with the
-fewest in all, bring the mesh to `CAUTION` times the error asked for (`prt.allocation`); these are traced at once, and
-all is reconstructed again, until the expected error is low enough.
+fewest in all, bring the mesh to `AIM` times the error asked for (`prt.allocation`); these are traced at once, and all
+is reconstructed again, until the expected error is at most `CAUTION` times it. Few rounds: one that is not needed costs
+as much as some ten rays a vertex.
 """
 
 import time
@@ -34,9 +35,11 @@ from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
 LEAST_RAYS = 4
-CAUTION = 0.95
-# how the expected error of a reconstruction falls with the rays of a vertex, N^-RATE (experiments/guided)
-RATE = 1.0
+CAUTION, AIM = 0.97, 0.94
+# how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
+# for, less than with many
+FIRST_RATE, RATE = 1.1, 1.3
+MOST_DOUBLINGS = 3  # at a time: further ahead the expected errors do not see
 
 
 class GuidedBake:
@@ -108,7 +111,8 @@ def bake_guided(
 
     `rays` is a power of two, from 4. With 8 the error is that of some three times as many plain rays on meshes of
     several thousand vertices; the more rays, the less there is to gain. The result is biased, and has no
-    `standard_error` but a `predicted_error`. `occluders` are those of `bake_transfer`. Raises ValueError for options out of range.
+    `standard_error` but a `predicted_error`. `occluders` are those of `bake_transfer`. Raises ValueError for options
+    out of range.
 
     >>> transfer = gash_jax.bake_guided("bunny.ply", rays=8)
     >>> transfer.coefficients.shape, transfer.predicted_error.shape
@@ -182,10 +186,11 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
         rebuilt = reconstruct(shipped_network(), surface, few)
         variance = rebuilt.variance[:, : bake.bands**2].sum(axis=1, dtype=np.float64)
         energy = float(np.sum(rebuilt.coefficients[:, : bake.bands**2].astype(np.float64) ** 2))
-        budget = (CAUTION * error) ** 2 * energy
-        if variance.sum() <= budget or energy == 0:
+        if variance.sum() <= (CAUTION * error) ** 2 * energy:  # 0 of 0 where no ray is free
             break
-        wanted = np.minimum(choose_rays(few.rays, variance, budget, RATE), MOST_RAYS)
+        rate = FIRST_RATE if len(rounds) == 1 else RATE
+        wanted = choose_rays(few.rays, variance, (AIM * error) ** 2 * energy, rate)
+        wanted = np.minimum(wanted, np.minimum(few.rays << MOST_DOUBLINGS, MOST_RAYS))
         chosen = wanted > few.rays
         if not chosen.any():
             break

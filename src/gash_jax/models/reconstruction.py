@@ -4,7 +4,6 @@ Vertices are worked off in blocks by threads, gathered on the host: one compiled
 sizes, and a block stays in the cache.
 """
 
-from collections.abc import Callable
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
@@ -17,11 +16,11 @@ from flax.traverse_util import unflatten_dict
 from jaxtyping import Array, Bool, Float, Int
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
-from gash_jax.algebra.sh import band_index, bands_of
+from gash_jax.algebra.sh import bands_of
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.npz import read_npz
 from gash_jax.graph.edge_table import edge_table
-from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, edge_features, reference_noise
+from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, bands_used, edge_features, reference_noise
 from gash_jax.prt.few_rays import FewRays
 from gash_jax.prt.tracing import in_threads
 
@@ -39,13 +38,16 @@ class Network(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """What the network reads of a mesh: its active vertices, in trace space, their frames, the ends of their edges."""
+    """What the network reads of a mesh: its active vertices, in trace space, their frames, the ends of their edges.
+
+    The table is that of `edge_table` turned over: the network has vertices as the last axis.
+    """
 
     places: Float[np.ndarray, "a 3"]
     normals: Float[np.ndarray, "a 3"]
     frames: Float[np.ndarray, "a 3 3"]
-    table: Int[np.ndarray, "a m"]
-    found: Bool[np.ndarray, "a m"]
+    table: Int[np.ndarray, "m a"]
+    found: Bool[np.ndarray, "m a"]
 
 
 class Rebuilt(NamedTuple):
@@ -82,126 +84,78 @@ def make_surface(
         faces = number[faces]
         faces = faces[(faces >= 0).all(axis=1)]
         places, normals = places[active], normals[active]
-    return Surface(places, normals, frames, *edge_table(faces, len(places)))
+    table, found = edge_table(faces, len(places))
+    return Surface(places, normals, frames, np.ascontiguousarray(table.T), np.ascontiguousarray(found.T))
 
 
-def seen_of(
-    local: Float[Array, "v k"], frames: Float[Array, "v 3 3"], normals: Float[Array, "v 3"]
-) -> Float[Array, "v k"]:
-    """Residuals in world axes to the transfer without shadows, of estimates in the frames of their vertices."""
-    world = rotate_coefficients(local, frames)
-    return world - unshadowed_transfer(normals, bands_of(local.shape[-1]))
+@jax.jit
+def _residuals(local: Array, frames: Array, normals: Array) -> Array:
+    """Residuals "k c" in world axes to the transfer without shadows, of estimates in the frames of their vertices."""
+    return (rotate_coefficients(local, frames) - unshadowed_transfer(normals, bands_of(local.shape[-1]))).T
 
 
-_residuals = jax.jit(seen_of)
-
-
-def _seen(rows: Float[Array, "*v d"], bands: int) -> Seen:
-    """What a row of the first gather says."""
-    return Seen(
-        rows[..., RESIDUAL],
-        reference_noise(rows[..., RAYS], rows[..., SHARE], bands),
-        rows[..., RAYS],
-        rows[..., SHARE],
-    )
+def _seen(rows: Float[Array, "d *v"], bands: int) -> Seen:
+    """What the rows of the first gather say."""
+    rays, share = rows[RAYS], rows[SHARE]
+    return Seen(rows[RESIDUAL], reference_noise(rays, share, bands), rays, share)
 
 
 @partial(jax.jit, static_argnames="module")
-def _first_pass(
-    module: Reconstruction, params: Any, own: Array, near: Array, found: Array
-) -> tuple[Array, Array, Array]:
-    """The first pass on a block -> residual and noise side by side, spread, features of the edges."""
-    edges = edge_features(own[:, PLACE], own[:, NORMAL], near[..., PLACE], near[..., NORMAL], found)
-    around = Around(edges, found)
-    seen, spread = module.apply(
-        {"params": params}, 0, _seen(own, module.bands), _seen(near, module.bands), around, method="look"
-    )
-    return jnp.concatenate([seen.residual, seen.noise], -1), spread, edges
+def _look(module: Reconstruction, params: Any, own: Array, near: Array, found: Array) -> tuple[Array, Array]:
+    """The first pass on a block, "d c" and "d m c" -> residual, noise, rays and share one below the other; edges."""
+    edges = edge_features(own[PLACE], own[NORMAL], near[PLACE], near[NORMAL], found)
+    both = _seen(own, module.bands), _seen(near, module.bands)
+    seen: Any = module.apply({"params": params}, *both, Around(edges, found), method="look")
+    return jnp.concatenate([seen.residual, seen.noise, seen.rays[None], seen.share[None]]), edges
 
 
-@partial(jax.jit, static_argnames=("module", "index"))
-def _next_pass(
-    module: Reconstruction,
-    index: int,
-    params: Any,
-    own: Array,
-    near: Array,
-    rest: tuple[Array, Array],
-    near_rest: tuple[Array, Array],
-    around: Around,
+@partial(jax.jit, static_argnames=("module", "k"))
+def _look_again(
+    module: Reconstruction, k: int, params: Any, own: Array, near: Array, around: Around, normals: Array
 ) -> tuple[Array, Array]:
-    """A further pass on a block; `rest` are rays and free share."""
-    k = own.shape[-1] - module.bands
-    seen, spread = module.apply(
-        {"params": params},
-        index,
-        Seen(own[..., :k], own[..., k:], *rest),
-        Seen(near[..., :k], near[..., k:], *near_rest),
-        around,
-        method="look",
-    )
-    return jnp.concatenate([seen.residual, seen.noise], -1), spread
-
-
-@partial(jax.jit, static_argnames="module")
-def _finish(
-    module: Reconstruction, params: Any, own: Array, rest: tuple[Array, Array], spread: Array, normals: Array
-) -> tuple[Array, Array]:
-    """Coefficients and the variance expected of each."""
-    k = own.shape[-1] - module.bands
-    seen = Seen(own[:, :k], own[:, k:], *rest)
-    variance = module.apply({"params": params}, seen, spread, method="expected_error")
-    bands = bands_of(k)
-    coefficients = own[:, :k] + unshadowed_transfer(normals, bands)
-    return coefficients, variance[:, np.minimum(band_index(bands), module.bands - 1)]
+    """The second pass on what the first gave -> coefficients and the variance expected of each, both "c k"."""
+    both = (Seen(rows[:k], rows[k:-2], rows[-2], rows[-1]) for rows in (own, near))
+    found: Any = module.apply({"params": params}, *both, around, method="look_again")
+    residual, variance = found
+    coefficients = residual.T + unshadowed_transfer(normals, bands_of(k))
+    return coefficients, variance[bands_used(k, len(variance))].T
 
 
 def reconstruct(network: Network, surface: Surface, few: FewRays) -> Rebuilt:
     """Coefficients of a mesh of which every active vertex has some rays; of at least three bands."""
     module, params = network
     count, k = few.local.shape
-    rest = few.rays.astype(np.float32), few.share.astype(np.float32)
     size = SMALL_BLOCK if count <= FEW else BLOCK
-    starts = [slice(start, min(start + size, count)) for start in range(0, count, size)]
-    rows = np.empty((count, RESIDUAL.start + k), np.float32)
-    rows[:, PLACE], rows[:, NORMAL], rows[:, RAYS], rows[:, SHARE] = surface.places, surface.normals, *rest
-    tables, spreads = {}, np.empty((count, 3), np.float32)
-    passed = [np.empty((count, k + module.bands), np.float32) for _ in range(module.count)]
+    blocks = [slice(start, min(start + size, count)) for start in range(0, count, size)]
+    rows = np.empty((RESIDUAL.start + k, count), np.float32)
+    rows[PLACE], rows[NORMAL], rows[RAYS], rows[SHARE] = surface.places.T, surface.normals.T, few.rays, few.share
+    once = np.empty((k + min(module.bands, bands_of(k)) + 2, count), np.float32)
     coefficients, variance = np.empty((count, k), np.float32), np.empty((count, k), np.float32)
+    edges: dict[int, Array] = {}
 
-    def each(work: Callable[[slice, np.ndarray], None]) -> None:
-        in_threads(lambda own: work(own, np.minimum(np.arange(own.start, own.start + size), count - 1)), starts)
+    def of(own: slice, array: np.ndarray) -> np.ndarray:
+        """The columns of a block; the last block is filled up with its last vertex."""
+        found, missing = array[..., own], size - (own.stop - own.start)
+        return found if not missing else np.concatenate([found, np.repeat(found[..., -1:], missing, axis=-1)], axis=-1)
 
-    def prepare(own: slice, index: np.ndarray) -> None:
-        found = _residuals(few.local[index], surface.frames[index], surface.normals[index])
-        rows[own, RESIDUAL] = np.asarray(found)[: own.stop - own.start]
+    def rows_of(own: slice, array: np.ndarray) -> np.ndarray:
+        return np.moveaxis(of(own, np.moveaxis(array, 0, -1)), -1, 0)
 
-    def first(own: slice, index: np.ndarray) -> None:
-        table, found = surface.table[index], surface.found[index]
-        result, spread, edges = _first_pass(module, params, rows[index], np.take(rows, table, axis=0), found)
-        _keep(own, (passed[0], result), (spreads, spread))
-        tables[own.start] = table, Around(edges, found)
+    def prepare(own: slice) -> None:
+        found = _residuals(*(rows_of(own, array) for array in (few.local, surface.frames, surface.normals)))
+        rows[RESIDUAL, own] = np.asarray(found)[:, : own.stop - own.start]
 
-    def further(number: int, own: slice, index: np.ndarray) -> None:
-        (table, around), before = tables[own.start], passed[number - 1]
-        other, near_rest = tuple(a[index] for a in rest), tuple(a[table] for a in rest)
-        arguments = before[index], np.take(before, table, axis=0), other, near_rest, around
-        _keep(own, *zip((passed[number], spreads), _next_pass(module, number, params, *arguments), strict=True))
+    def look(own: slice) -> None:
+        near = np.take(rows, of(own, surface.table), axis=1)
+        found, edges[own.start] = _look(module, params, of(own, rows), near, of(own, surface.found))
+        once[:, own] = np.asarray(found)[:, : own.stop - own.start]
 
-    def finish(own: slice, index: np.ndarray) -> None:
-        other = tuple(a[index] for a in rest)
-        done = _finish(module, params, passed[-1][index], other, spreads[index], surface.normals[index])
-        _keep(own, *zip((coefficients, variance), done, strict=True))
+    def look_again(own: slice) -> None:
+        near = np.take(once, of(own, surface.table), axis=1)
+        around = Around(edges[own.start], jnp.asarray(of(own, surface.found)))
+        found = _look_again(module, k, params, of(own, once), near, around, rows_of(own, surface.normals))
+        coefficients[own], variance[own] = (np.asarray(array)[: own.stop - own.start] for array in found)
 
-    each(prepare)
-    each(first)
-    for number in range(1, module.count):
-        each(partial(further, number))
-    each(finish)
+    for work in (prepare, look, look_again):
+        in_threads(work, blocks)
     return Rebuilt(coefficients, variance)
-
-
-def _keep(own: slice, *results: tuple[np.ndarray, Array]) -> None:
-    """The rows of a block that are its own, into the arrays of the mesh."""
-    for whole, block in results:
-        whole[own] = np.asarray(block)[: own.stop - own.start]

@@ -32,54 +32,69 @@ LEAST = 1e-9  # variance, below what float32 sums can tell
 
 
 class Seen(NamedTuple):
-    """What is known of vertices (any leading axes): residual, variance of its noise by band, rays, their free share."""
+    """What is known of vertices, or with axes "m v" of the ends of their edges: residual, variance of its noise by
+    band, rays, free share of them. Vertices are the last axis, along which the compiler vectorises."""
 
-    residual: Float[Array, "*v k"]
-    noise: Float[Array, "*v b"]
+    residual: Float[Array, "k *v"]
+    noise: Float[Array, "b *v"]
     rays: Float[Array, "*v"]
     share: Float[Array, "*v"]
 
 
 class Around(NamedTuple):
-    """A vertex and its edges: lengths and directions as `edge_features` has them, and which entries are an edge."""
+    """The edges of vertices (`edge_features`), and which entries are one."""
 
-    edges: Float[Array, "v m e"]
-    found: Bool[Array, "v m"]
+    edges: Float[Array, "e m v"]
+    found: Bool[Array, "m v"]
 
 
 def reference_noise(
     rays: Float[Array, "*v"], share: Float[Array, "*v"], bands: int, scale: float = 0.06
-) -> Float[Array, "*v b"]:
+) -> Float[Array, "b *v"]:
     """Rough variance of one coefficient of an estimate by `rays` lattice points of which `share` are free."""
     partly = share * (1 - share) + 0.05 / (rays + 2)
-    return jnp.repeat((scale * partly * rays**-1.5)[..., None], bands, axis=-1)
+    return jnp.broadcast_to((scale * partly / (rays * jnp.sqrt(rays)))[None], (bands, *rays.shape))
 
 
 def edge_features(
-    places: Float[Array, "v 3"],
-    normals: Float[Array, "v 3"],
-    near_places: Float[Array, "v m 3"],
-    near_normals: Float[Array, "v m 3"],
-    found: Bool[Array, "v m"],
-) -> Float[Array, "v m 5"]:
+    places: Float[Array, "3 v"],
+    normals: Float[Array, "3 v"],
+    near_places: Float[Array, "3 m v"],
+    near_normals: Float[Array, "3 m v"],
+    found: Bool[Array, "m v"],
+) -> Float[Array, "5 m v"]:
     """Cosines between the two normals, and of each with the edge; the edge's length over the mean at the vertex, and
     that mean as a logarithm. Places are in units of the mesh."""
     offsets = near_places - places[:, None]
-    square = jnp.sum(offsets * offsets, axis=-1)
-    length = jnp.sqrt(square + 1e-16)
-    count = jnp.maximum(jnp.sum(found, axis=-1), 1)
-    mean = jnp.sum(jnp.where(found, length, 0), axis=-1) / count + 1e-8
-    unit = offsets / length[..., None]
+    length = jnp.sqrt(jnp.sum(offsets * offsets, axis=0) + 1e-16)
+    count = jnp.maximum(jnp.sum(found, axis=0), 1)
+    mean = jnp.sum(jnp.where(found, length, 0), axis=0) / count + 1e-8
+    unit = offsets / length[None]
     own = normals[:, None]
-    cosines = [jnp.sum(a * b, axis=-1) for a, b in ((own, near_normals), (unit, own), (unit, near_normals))]
-    scale = jnp.broadcast_to(0.3 * jnp.log(mean)[:, None] + 1, found.shape)
-    return jnp.stack([*cosines, length / mean[:, None], scale], -1)
+    cosines = [jnp.sum(a * b, axis=0) for a, b in ((own, near_normals), (unit, own), (unit, near_normals))]
+    scale = jnp.broadcast_to(0.3 * jnp.log(mean)[None] + 1, found.shape)
+    return jnp.stack([*cosines, length / mean[None], scale])
 
 
-def by_band(values: Float[Array, "*v k"], bands: int) -> Float[Array, "*v b"]:
+def by_band(values: Float[Array, "k *v"], bands: int) -> Float[Array, "b *v"]:
     """Mean over the coefficients of each of the first `bands` bands."""
-    parts = [values[..., order * order : (order + 1) ** 2].mean(axis=-1) for order in range(bands)]
-    return jnp.stack(parts, axis=-1)
+    return jnp.stack([values[order * order : (order + 1) ** 2].mean(axis=0) for order in range(bands)])
+
+
+def bands_used(k: int, bands: int) -> np.ndarray:
+    """For each of k coefficients the band whose weight it gets: its own, the last one beyond those that there are."""
+    return np.minimum(band_index(bands_of(k)), bands - 1)
+
+
+def _dense(
+    module: nn.Module, name: str, values: Float[Array, "f *v"], width: int, scale: float
+) -> Float[Array, "h *v"]:
+    kernel = module.param(name, nn.initializers.normal(scale), (values.shape[0], width))
+    return jnp.einsum("fh,f...->h...", kernel, values)
+
+
+def _bias(module: nn.Module, name: str, width: int, axes: int) -> Array:
+    return module.param(name, nn.initializers.zeros, (width,)).reshape(width, *(1,) * axes)
 
 
 class Pass(nn.Module):
@@ -89,96 +104,97 @@ class Pass(nn.Module):
     bands: int
 
     @nn.compact
-    def __call__(self, own: Seen, near: Seen, around: Around) -> tuple[Seen, Float[Array, "v b"]]:
-        """Vertices "v" and the ends of their edges "v m" -> the vertices anew, and how far neighbours lie apart."""
-        found, count = around.found[..., None], jnp.maximum(jnp.sum(around.found, axis=-1), 1)[:, None]
+    def __call__(self, own: Seen, near: Seen, around: Around) -> tuple[Seen, Float[Array, "c v"]]:
+        """Vertices "v" and the ends of their edges "m v" -> the vertices anew, and how far neighbours lie apart."""
+        found, count = around.found[None], jnp.maximum(jnp.sum(around.found, axis=0), 1)
         apart = by_band((near.residual - own.residual[:, None]) ** 2, COMPARED)
-        noise, near_noise = own.noise[:, None, :COMPARED], near.noise[..., :COMPARED]
-        mean_apart = jnp.sum(jnp.where(found, apart, 0), axis=1) / count
+        noise, near_noise = own.noise[:COMPARED, None], near.noise[:COMPARED]
+        mean_apart = jnp.sum(jnp.where(found, apart, 0), axis=1) / count[None]
         partly, near_partly = (seen.share * (1 - seen.share) for seen in (own, near))
         of_vertex = jnp.concatenate(
             [
                 jnp.log(mean_apart / noise[:, 0] + 0.1),
-                0.5 * jnp.log(own.rays)[:, None] - 1.5,
-                0.5 * jnp.log(partly + 0.01)[:, None] + 1,
-            ],
-            -1,
+                0.5 * jnp.log(own.rays)[None] - 1.5,
+                0.5 * jnp.log(partly + 0.01)[None] + 1,
+            ]
         )
         of_edge = jnp.concatenate(
             [
                 around.edges,
                 jnp.log(apart / (noise + near_noise) + 0.1),
-                jnp.log(near_noise[..., :1] / noise[..., :1]),
-                0.3 * jnp.log(near_noise[..., :1]) + 2.5,
-                5 * jnp.sqrt(apart[..., :1] + 1e-6),
-                0.3 * jnp.log(near_partly + 1e-3)[..., None] + 1,
-            ],
-            -1,
+                jnp.log(near_noise[:1] / noise[:1]),
+                0.3 * jnp.log(near_noise[:1]) + 2.5,
+                5 * jnp.sqrt(apart[:1] + 1e-6),
+                0.3 * jnp.log(near_partly + 1e-3)[None] + 1,
+            ]
         )
         # a layer over both, without writing the vertex's part once for each edge
-        hidden = nn.relu(nn.Dense(self.hidden)(of_edge) + nn.Dense(self.hidden, use_bias=False)(of_vertex)[:, None])
-        logits = nn.Dense(self.bands, kernel_init=nn.initializers.normal(0.1))(hidden)
-        weight = jnp.where(found, jnp.exp(jnp.clip(logits, SMALLEST_LOGIT, LARGEST_LOGIT)), 0)
+        hidden = _dense(self, "of_edge", of_edge, self.hidden, 0.28)
+        hidden += (_dense(self, "of_vertex", of_vertex, self.hidden, 0.45) + _bias(self, "bias", self.hidden, 1))[
+            :, None
+        ]
+        logits = _dense(self, "out", nn.relu(hidden), self.bands, 0.1) + _bias(self, "out_bias", self.bands, 2)
+        used = min(self.bands, bands_of(own.residual.shape[0]))
+        weight = jnp.where(found, jnp.exp(jnp.clip(logits[:used], SMALLEST_LOGIT, LARGEST_LOGIT)), 0)
         rest = 1 / (1 + jnp.sum(weight, axis=1))
         weight = weight * rest[:, None]
-        band = np.minimum(band_index(bands_of(own.residual.shape[-1])), self.bands - 1)
-        residual = own.residual * rest[:, band] + jnp.sum(weight[..., band] * near.residual, axis=1)
-        noise = rest**2 * own.noise + jnp.sum(weight**2 * near.noise, axis=1)
-        spread = jnp.sum(weight[..., :COMPARED] * by_band((near.residual - residual[:, None]) ** 2, COMPARED), axis=1)
-        own_move = by_band((own.residual - residual) ** 2, COMPARED)
-        return Seen(residual, noise, own.rays, own.share), spread + rest[:, :COMPARED] * own_move
+        band = bands_used(own.residual.shape[0], used)
+        residual = own.residual * rest[band] + jnp.sum(weight[band] * near.residual, axis=1)
+        left = rest**2 * own.noise[:used] + jnp.sum(weight**2 * near.noise[:used], axis=1)
+        spread = by_band((near.residual - residual[:, None]) ** 2, COMPARED)
+        spread = jnp.sum(weight[:COMPARED] * spread, axis=1)
+        moved = by_band((own.residual - residual) ** 2, COMPARED)
+        return Seen(residual, left, own.rays, own.share), spread + rest[:COMPARED] * moved
 
 
 class ExpectedError(nn.Module):
     """What error is left after the passes, of one coefficient of each band, as a mean square."""
 
     hidden: int
+    bands: int
 
     @nn.compact
-    def __call__(self, seen: Seen, spread: Float[Array, "v b"]) -> Float[Array, "v c"]:
+    def __call__(self, seen: Seen, spread: Float[Array, "c v"]) -> Float[Array, "b v"]:
         """Vertices after the last pass and how far their neighbours lay apart -> variance by band."""
+        used = len(seen.noise)
         features = jnp.concatenate(
             [
-                0.3 * jnp.log(seen.noise) + 2.5,
-                jnp.log(spread / seen.noise[..., :COMPARED] + 0.1),
+                0.3 * jnp.log(seen.noise[:COMPARED]) + 2.5,
+                jnp.log(spread / seen.noise[:COMPARED] + 0.1),
                 0.3 * jnp.log(spread + LEAST) + 2.5,
-                0.5 * jnp.log(seen.rays)[..., None] - 1.5,
-                0.5 * jnp.log(seen.share * (1 - seen.share) + 0.01)[..., None] + 1,
-            ],
-            -1,
+                0.5 * jnp.log(seen.rays)[None] - 1.5,
+                0.5 * jnp.log(seen.share * (1 - seen.share) + 0.01)[None] + 1,
+            ]
         )
-        hidden = nn.relu(nn.Dense(self.hidden)(features))
-        return seen.noise * jnp.exp(nn.Dense(seen.noise.shape[-1])(hidden)) + LEAST
+        hidden = nn.relu(_dense(self, "first", features, self.hidden, 0.3) + _bias(self, "bias", self.hidden, 1))
+        found = _dense(self, "out", hidden, self.bands, 0.1) + _bias(self, "out_bias", self.bands, 1)
+        return seen.noise * jnp.exp(found[:used]) + LEAST
 
 
 class Reconstruction(nn.Module):
-    """All passes and the expected error."""
+    """Two passes and the expected error, of as many bands as there are."""
 
     hidden: int = 10
     bands: int = 6
-    count: int = 2
 
     def setup(self) -> None:
-        """The passes, by number, and what comes after them."""
-        self.passes = [Pass(self.hidden, self.bands) for _ in range(self.count)]
-        self.error = ExpectedError(self.hidden)
+        """The passes, and what comes after them."""
+        self.first, self.second = (Pass(self.hidden, self.bands) for _ in range(2))
+        self.error = ExpectedError(self.hidden, self.bands)
 
-    def look(self, index: int, own: Seen, near: Seen, around: Around) -> tuple[Seen, Float[Array, "v b"]]:
-        """One of the passes (`Pass.__call__`)."""
-        return self.passes[index](own, near, around)
+    def look(self, own: Seen, near: Seen, around: Around) -> Seen:
+        """The first pass."""
+        return self.first(own, near, around)[0]
 
-    def expected_error(self, seen: Seen, spread: Float[Array, "v b"]) -> Float[Array, "v c"]:
-        """`ExpectedError` after the last pass."""
-        return self.error(seen, spread)
+    def look_again(self, own: Seen, near: Seen, around: Around) -> tuple[Float[Array, "k v"], Float[Array, "b v"]]:
+        """The second pass, of what the first has made -> residuals, and their mean square error by band."""
+        seen, spread = self.second(own, near, around)
+        # what the passes do is judged by their error alone, not by how well that can be foretold
+        return seen.residual, self.error(*jax.lax.stop_gradient((seen, spread)))
 
     def __call__(
-        self, seen: Seen, table: Int[Array, "v m"], around: Around
-    ) -> tuple[Float[Array, "v k"], Float[Array, "v c"]]:
-        """All vertices of a mesh with the table of their edges -> residuals, and their mean square error by band."""
-        spread = seen.noise[..., :COMPARED]
-        for index in range(self.count):
-            near = jax.tree.map(lambda values: values[table], seen)
-            seen, spread = self.look(index, seen, near, around)
-        # what the passes do is judged by their error alone, not by how well that can be foretold
-        held, spread = jax.lax.stop_gradient((seen, spread))
-        return seen.residual, self.expected_error(held, spread)
+        self, seen: Seen, table: Int[Array, "m v"], around: Around
+    ) -> tuple[Float[Array, "k v"], Float[Array, "b v"]]:
+        """All vertices of a mesh with the table of their edges: both passes."""
+        once = self.look(seen, jax.tree.map(lambda values: values[..., table], seen), around)
+        return self.look_again(once, jax.tree.map(lambda values: values[..., table], once), around)

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.rays import VisibilityFn
 from gash_jax.prt.sampling import ONE_MINUS, korobov
-from gash_jax.prt.tracing import ProgressFn, Rows, trace_rows
+from gash_jax.prt.tracing import ProgressFn, Rows, chunks_of, in_threads, trace_chunk, trace_rows
 
 LARGEST_ROW = 64  # rays of one row: larger blocks are several, so that few kernels are compiled
 MOST_POINTS = 1 << 20
@@ -42,36 +42,57 @@ def trace_first(
     rows: Rows, rays: int, bands: int, visible: VisibilityFn, progress: ProgressFn | None = None
 ) -> FewRays:
     """The first `rays` of every vertex (a power of two up to `LARGEST_ROW`), blended by their own free share."""
-    local, share = trace_rows(rows, direct(bands), rays, visible, lattice="korobov", one_shape=True, progress=progress)
+    local, share = trace_rows(rows, direct(bands), rays, visible, lattice="korobov", two_shapes=True, progress=progress)
     return FewRays(np.full(len(rows.origins), rays), share, local[:, 0])
+
+
+class _Block(NamedTuple):
+    """Lattice points size .. 2 size - 1 of the vertices `whose`, in rows of at most `LARGEST_ROW`, and what is found."""
+
+    whose: Int[np.ndarray, "c"]
+    size: int
+    row: int
+    rows: Rows
+    share: Float[np.ndarray, "u"]
+    local: Float[np.ndarray, "u k"]
+    free: Float[np.ndarray, "u"]
 
 
 def trace_up_to(known: FewRays, wanted: Int[np.ndarray, "a"], rows: Rows, bands: int, visible: VisibilityFn) -> FewRays:
     """Double the rays of each vertex until it has those that are wanted, powers of two.
 
-    Each block is blended by the free share of the rays before it.
+    All new rays are blended by the free share of the rays before, and traced in one go.
     """
-    rays, share, local = (array.copy() for array in known)
-    size = int(rays.min())
+    blocks, integrand, size = [], direct(bands), int(known.rays.min())
     while size < wanted.max():
-        index = np.flatnonzero((rays == size) & (wanted > size))
+        index = np.flatnonzero((known.rays <= size) & (wanted > size))
         if len(index):
-            new, free = _trace_block(rows.take(index), share[index], size, bands, visible)
-            local[index], share[index] = (local[index] + new) / 2, (share[index] + free) / 2
-            rays[index] *= 2
+            blocks.append(_block(rows.take(index), known.share[index], index, size, bands))
         size *= 2
-    return FewRays(rays, share, local)
+
+    def work(task: tuple[_Block, slice]) -> None:
+        block, own = task
+        arguments = block.rows, own, integrand.density, visible, block.row, block.share, "korobov", True
+        chunk, free = trace_chunk(*arguments)
+        sums = np.asarray(integrand.integrate(chunk))
+        block.local[own], block.free[own] = sums[chunk.inner, 0], free[chunk.inner]
+
+    in_threads(work, [(b, own) for b in blocks for own in chunks_of(len(b.free), b.row, two_shapes=True)])
+    rays = known.rays.copy()
+    local, share = known.local * rays[:, None], known.share * rays
+    for block in blocks:
+        count = len(block.whose)
+        local[block.whose] += block.size * block.local.reshape(count, -1, bands**2).mean(axis=1)
+        share[block.whose] += block.size * block.free.reshape(count, -1).mean(axis=1)
+        rays[block.whose] += block.size
+    return FewRays(rays, (share / rays).astype(np.float32), (local / rays[:, None]).astype(np.float32))
 
 
-def _trace_block(
-    rows: Rows, share: Float[np.ndarray, "c"], size: int, bands: int, visible: VisibilityFn
-) -> tuple[Float[np.ndarray, "c k"], Float[np.ndarray, "c"]]:
-    """Lattice points size .. 2 size - 1 of some vertices: their estimates, and which share is free."""
+def _block(rows: Rows, share: Float[np.ndarray, "c"], index: Int[np.ndarray, "c"], size: int, bands: int) -> _Block:
     row = min(size, LARGEST_ROW)
-    count, units = len(rows.origins), size // row
+    units = size // row
     moved = rows.shifts + korobov(size + row * np.arange(units))[None]
     shifts = np.minimum(moved - np.floor(moved), ONE_MINUS).astype(np.float32).reshape(-1, 1, 2)
-    repeated = rows.take(np.repeat(np.arange(count), units))._replace(shifts=shifts)
-    known = np.repeat(share, units)
-    local, free = trace_rows(repeated, direct(bands), row, visible, share=known, lattice="korobov", one_shape=True)
-    return local.reshape(count, units, -1).mean(axis=1), free.reshape(count, units).mean(axis=1)
+    repeated = rows.take(np.repeat(np.arange(len(index)), units))._replace(shifts=shifts)
+    found = np.zeros((len(shifts), bands**2), np.float32), np.zeros(len(shifts), np.float32)
+    return _Block(index, size, row, repeated, np.repeat(share, units), *found)
