@@ -27,7 +27,7 @@ from gash_jax.files.npz import write_npz
 from gash_jax.measure.provenance import provenance
 from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, by_band, edge_features, reference_noise
 
-SEED, SHAPES, STEPS = 31, 64, 3000
+SEED, SHAPES, STEPS = 31, 64, 2500
 SIZES = (1024, 2048, 4096, 8192, 16384)  # of padded meshes
 BAND_WEIGHTS = np.array([2, 2, 2, 1, 1, 1], np.float32) / 9
 EXPECTED = 0.02  # weight of the expected error

@@ -47,7 +47,7 @@ def trace_first(
 
 
 class _Block(NamedTuple):
-    """Lattice points size .. 2 size - 1 of the vertices `whose`, in rows of at most `LARGEST_ROW`, and what is found."""
+    """Lattice points size .. 2 size - 1 of the vertices `whose`, in rows of up to `LARGEST_ROW`, and what is found."""
 
     whose: Int[np.ndarray, "c"]
     size: int
