@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from gash_jax.light.studio import studio_light
     from gash_jax.light.windows import light_window
     from gash_jax.models.deforming import deforming_predictor
+    from gash_jax.models.guided import bake_guided, bake_to_error
     from gash_jax.models.model import Model, load_model
     from gash_jax.prt.bake import bake_transfer
-    from gash_jax.prt.error_target import bake_to_error
     from gash_jax.prt.glossy import glossy_matrices
     from gash_jax.prt.plan import plan_bake
     from gash_jax.prt.rotation import rotate_transfer
@@ -76,9 +76,9 @@ _HOMES = {
     "shapes.procedural": ("make_shape",),
     "light.studio": ("studio_light",),
     "models.deforming": ("deforming_predictor",),
+    "models.guided": ("bake_guided", "bake_to_error"),
     "models.model": ("Model", "load_model"),
     "prt.bake": ("bake_transfer",),
-    "prt.error_target": ("bake_to_error",),
     "prt.glossy": ("glossy_matrices",),
     "light.brdf": ("Lobe", "ggx", "phong"),
     "light.conversion": ("from_convention", "to_convention"),
@@ -117,6 +117,7 @@ __all__ = [
     "RunConfig",
     "Transfer",
     "TransferTexture",
+    "bake_guided",
     "bake_texture",
     "bake_to_error",
     "bake_transfer",

@@ -22,9 +22,10 @@ from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
 from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
+from gash_jax.models.guided import bake_guided, bake_to_error, check_guided_rays
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.bake_job import choose_replicates
-from gash_jax.prt.error_target import bake_to_error, check_error
+from gash_jax.prt.error_target import check_error
 from gash_jax.prt.plan import Plan, plan_bake
 from gash_jax.prt.scene import load_points
 from gash_jax.prt.texture_bake import chosen_coordinates, lay_out
@@ -51,6 +52,8 @@ class BakeSettings(NamedTuple):
     occluders: tuple[Path, ...]
     seed: int
     up: str
+    guided: bool
+    unbiased: bool
 
     @property
     def to_error(self) -> bool:
@@ -65,7 +68,7 @@ class BakeSettings(NamedTuple):
     @property
     def rays_per_vertex(self) -> int:
         """The rays of a bake that has no error to reach."""
-        return 256 if self.rays is None else self.rays
+        return (8 if self.guided else 256) if self.rays is None else self.rays
 
     def inputs(self, mesh: Path) -> list[Path]:
         """The files that the bake of a mesh reads."""
@@ -83,6 +86,16 @@ def check_settings(chosen: BakeSettings) -> None:
         raise click.UsageError("--rays and --replicates do not go with --error or --auto: choose one way")
     if chosen.to_error and chosen.glossy:
         raise click.UsageError("--glossy is baked with a number of rays: give --rays in place of --error or --auto")
+    if chosen.guided and chosen.unbiased:
+        raise click.UsageError("--guided is biased, --unbiased leaves its network out: choose one")
+    if chosen.guided and (chosen.to_error or chosen.replicates is not None):
+        raise click.UsageError(
+            "--guided goes with --rays alone; a bake to an error is guided unless --unbiased is given"
+        )
+    if chosen.guided and (chosen.glossy or chosen.bounces or chosen.texture or chosen.points_path):
+        raise click.UsageError(
+            "--guided bakes the diffuse transfer of vertices: leave out --glossy, --bounces, --texture and --points"
+        )
     if chosen.bounces and chosen.to_error:
         raise click.UsageError("--bounces goes with a number of rays: give --rays in place of --error or --auto")
     if (chosen.bounces > 0) != (chosen.albedo is not None):
@@ -104,6 +117,8 @@ def check_settings(chosen: BakeSettings) -> None:
     check_layout(chosen.layout, chosen.light_path)
     if chosen.to_error:
         check_error(chosen.relative_error)
+    elif chosen.guided:
+        check_guided_rays(chosen.rays_per_vertex)
     else:
         choose_replicates(chosen.rays_per_vertex, chosen.replicates)
 
@@ -134,7 +149,11 @@ def bake_mesh(mesh: Path, output: Path, chosen: BakeSettings, quiet: bool) -> No
         bands = plan.bands
     with progress_bar(f"baking {mesh.name}", quiet) as update:
         if chosen.to_error:
+            scene["unbiased"] = chosen.unbiased
             transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
+        elif chosen.guided:
+            rays = chosen.rays_per_vertex
+            transfer = bake_guided(surface, bands, rays, occluders=occluders, seed=seed, progress=update)
         else:
             scene |= {"glossy": chosen.glossy, **reflected}
             transfer = bake_transfer(surface, bands, chosen.rays_per_vertex, **scene, progress=update)
@@ -163,9 +182,10 @@ def _reached(transfer: Transfer, error: float) -> list[str]:
 
 
 def _estimated(transfer: Transfer) -> list[str]:
-    if transfer.standard_error is None:
+    errors = transfer.predicted_error if transfer.standard_error is None else transfer.standard_error
+    if errors is None:
         return []
-    relative = relrmse(transfer.coefficients + transfer.standard_error, transfer.coefficients)
+    relative = relrmse(transfer.coefficients + errors, transfer.coefficients)
     lines = [f"estimated relative error {relative:.2%}" if relative is not None else "no transfer"]
     for name in GLOSSY:
         error = transfer.metadata.get(name, {}).get("relative_error")

@@ -14,6 +14,8 @@ wants more than one doubling, the round might be the last; as the variance may f
 of them that wants it most is doubled, then it is looked at again.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
@@ -49,20 +51,17 @@ def neighbour_mean(mesh: Mesh, active: Int[np.ndarray, "a"]) -> sp.csr_matrix:
     return sp.csr_matrix((sp.identity(len(active)) + mean) / 2)
 
 
-def choose_doublings(
-    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], smooth: sp.csr_matrix, budget: float
-) -> tuple[np.ndarray, float]:
-    """Which vertices to double, and the rays that the bake is then expected to need in all.
-
-    `variance` is what each vertex has with its present rays, `smooth` the matrix of `neighbour_mean`. Bisects for the
-    multiplier with which the ray counts, rounded to doublings and never less than now, meet the budget.
-    """
-    level = np.log2(rays / PILOT).round().astype(int)
-    unit = smooth @ (variance / lattice_variance(level))  # v, as the variance at PILOT rays
-    urgency = np.log2(np.maximum(unit, 1e-30)) / (1 + RATE) - np.log2(rays)
+def _doublings(
+    level: Int[np.ndarray, "a"],
+    urgency: Float[np.ndarray, "a"],
+    unit: Float[np.ndarray, "a"],
+    law: Callable[[Float[np.ndarray, "c"]], Float[np.ndarray, "c"]],
+    budget: float,
+) -> Float[np.ndarray, "a"]:
+    """How often each vertex should be doubled, `urgency` plus one multiplier for all, rounded, so that the variances,
+    `unit` times `law` of the level, meet the budget."""
     # vertices of one level and nearly one urgency are one class: the search then costs nothing
     step = np.rint(urgency * CLASSES).astype(int)
-    urgency = step / CLASSES
     first = step.min()
     kind = level * (step.max() - first + 1) + step - first
     held = np.bincount(kind, unit)
@@ -74,9 +73,38 @@ def choose_doublings(
     for _ in range(40):
         middle = (low + high) / 2
         count = np.floor(np.maximum(middle + class_urgency, 0.0) + 0.5)
-        total = float(np.sum(held[classes] * lattice_variance(class_level + count)))
+        total = float(np.sum(held[classes] * law(class_level + count)))
         low, high = (middle, high) if total > budget else (low, middle)
-    count = np.floor(np.maximum(high + urgency, 0.0) + 0.5)
+    return np.floor(np.maximum(high + step / CLASSES, 0.0) + 0.5)
+
+
+def choose_rays(
+    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], budget: float, rate: float
+) -> Int[np.ndarray, "a"]:
+    """Rays of each vertex, powers of two times what it has, with which variances that fall as N^-rate meet the budget.
+
+    >>> choose_rays(np.array([8, 8]), np.array([4.0, 1.0]), 3.2, 1.0)
+    array([16,  8])
+    """
+    level = np.log2(rays / rays.min()).round().astype(int)
+    unit = variance * np.exp2(rate * level)
+    urgency = np.log2(np.maximum(unit, 1e-30)) / (1 + rate) - level
+    count = _doublings(level, urgency, unit, lambda reached: np.exp2(-rate * reached), budget)
+    return rays * np.exp2(count).astype(rays.dtype)
+
+
+def choose_doublings(
+    rays: Int[np.ndarray, "a"], variance: Float[np.ndarray, "a"], smooth: sp.csr_matrix, budget: float
+) -> tuple[np.ndarray, float]:
+    """Which vertices to double, and the rays that the bake is then expected to need in all.
+
+    `variance` is what each vertex has with its present rays, `smooth` the matrix of `neighbour_mean`. Bisects for the
+    multiplier with which the ray counts, rounded to doublings and never less than now, meet the budget.
+    """
+    level = np.log2(rays / PILOT).round().astype(int)
+    unit = smooth @ (variance / lattice_variance(level))  # v, as the variance at PILOT rays
+    urgency = np.rint(CLASSES * (np.log2(np.maximum(unit, 1e-30)) / (1 + RATE) - np.log2(rays))) / CLASSES
+    count = _doublings(level, urgency, unit, lattice_variance, budget)
     chosen = count > 0
     if not chosen.any():  # the smoothed variances meet a budget that the vertices' own do not
         chosen = urgency >= np.quantile(urgency, 1 - LAST_SHARE)

@@ -1,7 +1,8 @@
 """The row tracer: directions -> rays -> sums, for any integrand, in chunks that threads work off.
 
-Rays of all vertices are cut into chunks of about `RAYS_PER_CHUNK`, small enough for the level-2 cache, and worked off
-by Python threads: directions (JAX) -> what the rays meet (Embree, GIL released) -> the integrand's sums (JAX).
+Rays of all vertices are cut into chunks of at most `RAYS_PER_CHUNK`, small enough for the level-2 cache, and of fewer
+where that would leave too few chunks to keep all cores busy. Python threads work them off: directions (JAX) -> what the
+rays meet (Embree, GIL released) -> the integrand's sums (JAX).
 
 A row's result is the same to the last bit whichever rows are traced with it and however many threads there are. XLA may
 sum in another order for arrays of another shape, so the shape of a chunk and the place of a row in it depend on the
@@ -9,10 +10,10 @@ whole mesh alone: rows first .. last are traced in the chunks of the whole, with
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
@@ -26,6 +27,8 @@ from gash_jax.prt.rays import Hits, RayQuery, TraceGeometry
 from gash_jax.prt.sampling import Density, sample_rays
 
 RAYS_PER_CHUNK = 1 << 17
+LEAST_PER_CHUNK, MIDDLE_PER_CHUNK = 1 << 14, 1 << 16  # rays take an eighth longer in the least
+CHUNKS = 8  # wanted at least
 FRAME = 1e-3  # how far from orthonormal, and from the normal, frames may be that are given
 
 ProgressFn = Callable[[int, int], None]
@@ -96,15 +99,18 @@ def checked_frames(frames: object, mesh: Mesh, active: np.ndarray) -> Float[np.n
     return chosen
 
 
-def chunk_size(count: int, rays: int) -> int:
-    """Vertices in a chunk: a power of two, so that meshes of many sizes share few compiled kernels."""
-    return 1 << max(0, min((RAYS_PER_CHUNK // rays).bit_length() - 1, (count - 1).bit_length()))
+def chunk_size(count: int, rays: int, two_shapes: bool = False) -> int:
+    """Vertices in a chunk: a power of two, so that meshes of many sizes share few kernels; with `two_shapes`, two."""
+    if two_shapes:
+        return max(1, (MIDDLE_PER_CHUNK if count * rays >= CHUNKS // 2 * MIDDLE_PER_CHUNK else LEAST_PER_CHUNK) // rays)
+    wanted = min(max(count * rays // CHUNKS, LEAST_PER_CHUNK), RAYS_PER_CHUNK)
+    return 1 << max(0, min((wanted // rays).bit_length() - 1, (count - 1).bit_length()))
 
 
-def chunks_of(count: int, rays: int, part: slice = slice(None)) -> list[slice]:
+def chunks_of(count: int, rays: int, part: slice = slice(None), two_shapes: bool = False) -> list[slice]:
     """The vertices of each chunk, of `count` vertices with `rays` rays each or of a part of them."""
     first, last, _ = part.indices(count)
-    size = chunk_size(count, rays)
+    size = chunk_size(count, rays, two_shapes)
     starts = range(first // size * size, last, size)
     return [slice(max(start, first), min(start + size, last)) for start in starts]
 
@@ -118,21 +124,23 @@ def trace_rows(
     share: Float[np.ndarray, "a"] | None = None,
     part: slice = slice(None),
     lattice: str = "hammersley",
+    two_shapes: bool = False,
     progress: ProgressFn | None = None,
 ) -> tuple[Float[np.ndarray, "a r ..."], Float[np.ndarray, "a"]]:
     """Sums of every row, n rays each, and the share of each vertex's free rays; zeros outside `part`.
 
     `query` answers what the integrand asks. `share` is the p of the estimate; None takes each vertex's own. `part`
-    are consecutive rows, at least one. `progress(done, total)` counts rows, from the threads.
+    are consecutive rows, at least one. `two_shapes` keeps to two sizes of chunks, so that next to nothing is compiled
+    for a count of rows. `progress(done, total)` counts rows, from the threads.
     """
     count, rotations = rows.shifts.shape[:2]
     result, found = None, np.zeros(count, np.float32)
-    chunks = chunks_of(count, rotations * n, part)
+    chunks = chunks_of(count, rotations * n, part, two_shapes)
     lock, done = threading.Lock(), 0
 
     def work(own: slice) -> None:
         nonlocal result, done
-        chunk, free = trace_chunk(rows, own, integrand.density, query, n, share, lattice)
+        chunk, free = trace_chunk(rows, own, integrand.density, query, n, share, lattice, two_shapes)
         sums = np.asarray(integrand.integrate(chunk))
         with lock:
             result = np.zeros((count, *sums.shape[1:]), sums.dtype) if result is None else result
@@ -155,13 +163,14 @@ def trace_chunk(
     n: int,
     share: Float[np.ndarray, "a"] | None = None,
     lattice: str = "hammersley",
+    two_shapes: bool = False,
 ) -> tuple[Chunk, Float[np.ndarray, "c"]]:
     """What the rays of one of the chunks of `chunks_of` meet, and the free share of each of its vertices.
 
     Only the rays of the vertices `own` are traced.
     """
     count, rotations = rows.shifts.shape[:2]
-    size = chunk_size(count, rotations * n)
+    size = chunk_size(count, rotations * n, two_shapes)
     start = own.start // size * size
     # what a chunk lacks is filled with one of its own rows: one shape, one compilation
     index = np.clip(np.arange(start, start + size), own.start, own.stop - 1)
@@ -186,9 +195,9 @@ def _spread(
     return everywhere.reshape(shape)
 
 
-def in_threads(work: Callable[[slice], None], chunks: list[slice]) -> None:
+def in_threads(work: Callable[[Any], None], chunks: Sequence[Any]) -> None:
     """Call `work` for every chunk; the first exception ends it all, Ctrl-C in the main thread included."""
-    threads = min(available_cores() + 1, len(chunks))  # one more than cores fills the gaps between kernels
+    threads = max(1, min(available_cores() + 1, len(chunks)))  # one more than cores fills the gaps between kernels
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work, chunk) for chunk in chunks]
         try:

@@ -1,0 +1,161 @@
+"""Few-ray estimates of a whole mesh through the network of `nn.reconstruction`.
+
+Vertices are worked off in blocks by threads, gathered on the host: one compiled program then serves meshes of all
+sizes, and a block stays in the cache.
+"""
+
+from functools import cache, partial
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax.traverse_util import unflatten_dict
+from jaxtyping import Array, Bool, Float, Int
+
+from gash_jax.algebra.closed_forms import unshadowed_transfer
+from gash_jax.algebra.sh import bands_of
+from gash_jax.algebra.sh_rotation import rotate_coefficients
+from gash_jax.files.npz import read_npz
+from gash_jax.graph.edge_table import edge_table
+from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, bands_used, edge_features, reference_noise
+from gash_jax.prt.few_rays import FewRays
+from gash_jax.prt.tracing import in_threads
+
+WEIGHTS = Path(str(resources.files("gash_jax"))) / "weights" / "reconstruction" / "guided.npz"
+SMALL_BLOCK, BLOCK = 1024, 4096  # vertices of a block, of meshes of up to FEW vertices and of larger ones
+FEW = 16384
+PLACE, NORMAL, RAYS, SHARE, RESIDUAL = slice(0, 3), slice(3, 6), 6, 7, slice(8, None)
+
+
+class Network(NamedTuple):
+    """The module and its weights."""
+
+    module: Reconstruction
+    params: Any
+
+
+class Surface(NamedTuple):
+    """What the network reads of a mesh: its active vertices, in trace space, their frames, the ends of their edges.
+
+    The table is that of `edge_table` turned over: the network has vertices as the last axis.
+    """
+
+    places: Float[np.ndarray, "a 3"]
+    normals: Float[np.ndarray, "a 3"]
+    frames: Float[np.ndarray, "a 3 3"]
+    table: Int[np.ndarray, "m a"]
+    found: Bool[np.ndarray, "m a"]
+
+
+class Rebuilt(NamedTuple):
+    """Coefficients in world axes, and the mean square error that is expected of each."""
+
+    coefficients: Float[np.ndarray, "a k"]
+    variance: Float[np.ndarray, "a k"]
+
+
+@cache
+def shipped_network() -> Network:
+    """The network that ships. Raises FileError where its file is damaged."""
+    return load_network(WEIGHTS)
+
+
+def load_network(path: Path) -> Network:
+    """A network of a file of weights by `experiments.guided.train`. Raises FileError."""
+    arrays, metadata = read_npz(path, "reconstruction", ())
+    params = unflatten_dict({tuple(name.split("/")): jnp.asarray(array) for name, array in arrays.items()})
+    return Network(Reconstruction(*metadata["sizes"]), params)
+
+
+def make_surface(
+    places: Float[np.ndarray, "v 3"],
+    normals: Float[np.ndarray, "v 3"],
+    frames: Float[np.ndarray, "a 3 3"],
+    faces: Int[np.ndarray, "f 3"],
+    active: Int[np.ndarray, "a"],
+) -> Surface:
+    """The active vertices of a mesh, with their frames, and the edges between them."""
+    if len(active) < len(places):
+        number = np.full(len(places), -1, np.int32)
+        number[active] = np.arange(len(active), dtype=np.int32)
+        faces = number[faces]
+        faces = faces[(faces >= 0).all(axis=1)]
+        places, normals = places[active], normals[active]
+    table, found = edge_table(faces, len(places))
+    return Surface(places, normals, frames, np.ascontiguousarray(table.T), np.ascontiguousarray(found.T))
+
+
+@jax.jit
+def _residuals(local: Array, frames: Array, normals: Array) -> Array:
+    """Residuals "k c" in world axes to the transfer without shadows, of estimates in the frames of their vertices."""
+    return (rotate_coefficients(local, frames) - unshadowed_transfer(normals, bands_of(local.shape[-1]))).T
+
+
+def _seen(rows: Float[Array, "d *v"], bands: int) -> Seen:
+    """What the rows of the first gather say."""
+    rays, share = rows[RAYS], rows[SHARE]
+    return Seen(rows[RESIDUAL], reference_noise(rays, share, bands), rays, share)
+
+
+@partial(jax.jit, static_argnames="module")
+def _look(module: Reconstruction, params: Any, own: Array, near: Array, found: Array) -> tuple[Array, Array]:
+    """The first pass on a block, "d c" and "d m c" -> residual, noise, rays and share one below the other; edges."""
+    edges = edge_features(own[PLACE], own[NORMAL], near[PLACE], near[NORMAL], found)
+    both = _seen(own, module.bands), _seen(near, module.bands)
+    seen: Any = module.apply({"params": params}, *both, Around(edges, found), method="look")
+    return jnp.concatenate([seen.residual, seen.noise, seen.rays[None], seen.share[None]]), edges
+
+
+@partial(jax.jit, static_argnames=("module", "k"))
+def _look_again(
+    module: Reconstruction, k: int, params: Any, own: Array, near: Array, around: Around, normals: Array
+) -> tuple[Array, Array]:
+    """The second pass on what the first gave -> coefficients and the variance expected of each, both "c k"."""
+    both = (Seen(rows[:k], rows[k:-2], rows[-2], rows[-1]) for rows in (own, near))
+    found: Any = module.apply({"params": params}, *both, around, method="look_again")
+    residual, variance = found
+    coefficients = residual.T + unshadowed_transfer(normals, bands_of(k))
+    return coefficients, variance[bands_used(k, len(variance))].T
+
+
+def reconstruct(network: Network, surface: Surface, few: FewRays) -> Rebuilt:
+    """Coefficients of a mesh of which every active vertex has some rays; of at least three bands."""
+    module, params = network
+    count, k = few.local.shape
+    size = SMALL_BLOCK if count <= FEW else BLOCK
+    blocks = [slice(start, min(start + size, count)) for start in range(0, count, size)]
+    rows = np.empty((RESIDUAL.start + k, count), np.float32)
+    rows[PLACE], rows[NORMAL], rows[RAYS], rows[SHARE] = surface.places.T, surface.normals.T, few.rays, few.share
+    once = np.empty((k + min(module.bands, bands_of(k)) + 2, count), np.float32)
+    coefficients, variance = np.empty((count, k), np.float32), np.empty((count, k), np.float32)
+    edges: dict[int, Array] = {}
+
+    def of(own: slice, array: np.ndarray) -> np.ndarray:
+        """The columns of a block; the last block is filled up with its last vertex."""
+        found, missing = array[..., own], size - (own.stop - own.start)
+        return found if not missing else np.concatenate([found, np.repeat(found[..., -1:], missing, axis=-1)], axis=-1)
+
+    def rows_of(own: slice, array: np.ndarray) -> np.ndarray:
+        return np.moveaxis(of(own, np.moveaxis(array, 0, -1)), -1, 0)
+
+    def prepare(own: slice) -> None:
+        found = _residuals(*(rows_of(own, array) for array in (few.local, surface.frames, surface.normals)))
+        rows[RESIDUAL, own] = np.asarray(found)[:, : own.stop - own.start]
+
+    def look(own: slice) -> None:
+        near = np.take(rows, of(own, surface.table), axis=1)
+        found, edges[own.start] = _look(module, params, of(own, rows), near, of(own, surface.found))
+        once[:, own] = np.asarray(found)[:, : own.stop - own.start]
+
+    def look_again(own: slice) -> None:
+        near = np.take(once, of(own, surface.table), axis=1)
+        around = Around(edges[own.start], jnp.asarray(of(own, surface.found)))
+        found = _look_again(module, k, params, of(own, once), near, around, rows_of(own, surface.normals))
+        coefficients[own], variance[own] = (np.asarray(array)[: own.stop - own.start] for array in found)
+
+    for work in (prepare, look, look_again):
+        in_threads(work, blocks)
+    return Rebuilt(coefficients, variance)

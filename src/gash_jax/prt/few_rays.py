@@ -1,0 +1,98 @@
+"""Few rays a vertex, differently placed on neighbours, to which more can be added: what `models.guided` reconstructs.
+
+Every vertex has one Korobov lattice (`sampling`), shifted. Along a curve that visits neighbours one after the other the
+shift goes on where the lattice of the vertex before ended: the lattices of neighbours that see the same are one finer
+lattice, and their mean is better than that of independent ones (a sixth of the variance less at 8 rays). One random
+shift moves them all, so that each estimate is right on average, as that of any bake is.
+
+Rays only ever double. A vertex keeps what it has: the next aligned block of a lattice is the lattice again, shifted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from gash_jax.prt.integrands import direct
+from gash_jax.prt.rays import VisibilityFn
+from gash_jax.prt.sampling import ONE_MINUS, korobov
+from gash_jax.prt.tracing import ProgressFn, Rows, chunks_of, in_threads, trace_chunk, trace_rows
+
+LARGEST_ROW = 64  # rays of one row: larger blocks are several, so that few kernels are compiled
+MOST_POINTS = 1 << 20
+
+
+class FewRays(NamedTuple):
+    """Rays of each active vertex, their free share, and the estimate in the vertex's own frame."""
+
+    rays: Int[np.ndarray, "a"]
+    share: Float[np.ndarray, "a"]
+    local: Float[np.ndarray, "a k"]
+
+
+def continued_shifts(order: Int[np.ndarray, "a"], rays: int, seed: int) -> Float[np.ndarray, "a 1 2"]:
+    """Shifts of the vertices' lattices of `rays` points (a power of two), continued in this `order` of the vertices."""
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    shifts = np.random.default_rng(seed).random(2) + korobov(place * rays % MOST_POINTS)
+    return np.minimum(shifts - np.floor(shifts), ONE_MINUS).astype(np.float32)[:, None]
+
+
+def trace_first(
+    rows: Rows, rays: int, bands: int, visible: VisibilityFn, progress: ProgressFn | None = None
+) -> FewRays:
+    """The first `rays` of every vertex (a power of two up to `LARGEST_ROW`), blended by their own free share."""
+    local, share = trace_rows(rows, direct(bands), rays, visible, lattice="korobov", two_shapes=True, progress=progress)
+    return FewRays(np.full(len(rows.origins), rays), share, local[:, 0])
+
+
+class _Block(NamedTuple):
+    """Lattice points size .. 2 size - 1 of the vertices `whose`, in rows of up to `LARGEST_ROW`, and what is found."""
+
+    whose: Int[np.ndarray, "c"]
+    size: int
+    row: int
+    rows: Rows
+    share: Float[np.ndarray, "u"]
+    local: Float[np.ndarray, "u k"]
+    free: Float[np.ndarray, "u"]
+
+
+def trace_up_to(known: FewRays, wanted: Int[np.ndarray, "a"], rows: Rows, bands: int, visible: VisibilityFn) -> FewRays:
+    """Double the rays of each vertex until it has those that are wanted, powers of two.
+
+    All new rays are blended by the free share of the rays before, and traced in one go.
+    """
+    blocks, integrand, size = [], direct(bands), int(known.rays.min())
+    while size < wanted.max():
+        index = np.flatnonzero((known.rays <= size) & (wanted > size))
+        if len(index):
+            blocks.append(_block(rows.take(index), known.share[index], index, size, bands))
+        size *= 2
+
+    def work(task: tuple[_Block, slice]) -> None:
+        block, own = task
+        arguments = block.rows, own, integrand.density, visible, block.row, block.share, "korobov", True
+        chunk, free = trace_chunk(*arguments)
+        sums = np.asarray(integrand.integrate(chunk))
+        block.local[own], block.free[own] = sums[chunk.inner, 0], free[chunk.inner]
+
+    in_threads(work, [(b, own) for b in blocks for own in chunks_of(len(b.free), b.row, two_shapes=True)])
+    rays = known.rays.copy()
+    local, share = known.local * rays[:, None], known.share * rays
+    for block in blocks:
+        count = len(block.whose)
+        local[block.whose] += block.size * block.local.reshape(count, -1, bands**2).mean(axis=1)
+        share[block.whose] += block.size * block.free.reshape(count, -1).mean(axis=1)
+        rays[block.whose] += block.size
+    return FewRays(rays, (share / rays).astype(np.float32), (local / rays[:, None]).astype(np.float32))
+
+
+def _block(rows: Rows, share: Float[np.ndarray, "c"], index: Int[np.ndarray, "c"], size: int, bands: int) -> _Block:
+    row = min(size, LARGEST_ROW)
+    units = size // row
+    moved = rows.shifts + korobov(size + row * np.arange(units))[None]
+    shifts = np.minimum(moved - np.floor(moved), ONE_MINUS).astype(np.float32).reshape(-1, 1, 2)
+    repeated = rows.take(np.repeat(np.arange(len(index)), units))._replace(shifts=shifts)
+    found = np.zeros((len(shifts), bands**2), np.float32), np.zeros(len(shifts), np.float32)
+    return _Block(index, size, row, repeated, np.repeat(share, units), *found)
