@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -67,7 +68,7 @@ def make_example(mesh: Mesh, seed: int, truth: int = TRUTH, counts: tuple[int, .
     surface = make_surface(geometry.vertices, mesh.normals, rows.frames, mesh.faces, active)
     baked = bake_transfer(mesh, BANDS, truth, seed=seed + 1)
     assert baked.standard_error is not None
-    doubt = np.asarray(by_band(baked.standard_error[active].T ** 2, BANDS)).T
+    doubt = np.asarray(by_band(jnp.asarray(baked.standard_error[active].T ** 2), BANDS)).T
     return Example(
         *(surface.places, surface.normals, surface.table.T, surface.found.T),
         *(np.stack(residuals), np.stack(shares)),

@@ -43,7 +43,7 @@ def padded(example: Example) -> dict[str, Any]:
         return np.concatenate([array, np.zeros((size - count, *array.shape[1:]), array.dtype)])
 
     rows = {name: fill(getattr(example, name)) for name in ("places", "normals", "table", "found", "truth", "doubt")}
-    rows = {name: np.ascontiguousarray(array.T) for name, array in rows.items()}  # vertices last, as in the network
+    rows = {name: jnp.asarray(array.T) for name, array in rows.items()}  # vertices last, as in the network
     return {**rows, "real": np.arange(size) < count}
 
 

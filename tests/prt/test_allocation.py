@@ -1,9 +1,11 @@
 """Which vertices are doubled."""
 
+from itertools import product
+
 import numpy as np
 import scipy.sparse as sp
 
-from gash_jax.prt.allocation import VARIANCE, choose_doublings, lattice_variance, neighbour_mean
+from gash_jax.prt.allocation import VARIANCE, choose_doublings, choose_rays, lattice_variance, neighbour_mean
 from gash_jax.shapes.primitives import icosphere
 
 
@@ -46,3 +48,22 @@ def test_neighbour_mean_by_hand() -> None:
     np.testing.assert_allclose(found, [8.0, 1.5, 1.5, 0.0, 7.0], rtol=1e-6)
     without_one = neighbour_mean(mesh, np.array([0, 2, 3])) @ np.array([12.0, 0.0, 0.0])
     np.testing.assert_allclose(without_one, [9.0, 2.0, 0.0], rtol=1e-6)
+
+
+def test_rays_are_chosen_to_meet_the_budget_with_the_fewest() -> None:
+    """Against every combination of up to four doublings of five vertices."""
+    rng = np.random.default_rng(0)
+    rays, variance, rate = np.full(5, 8), rng.uniform(0.1, 4, 5), 1.2
+    for share in (0.6, 0.3, 0.1):
+        budget = share * float(variance.sum())
+        wanted = choose_rays(rays, variance, budget, rate)
+        assert np.sum(variance * (wanted / rays) ** -rate) <= budget * (1 + 1e-9)
+        every = 2.0 ** np.array(list(product(range(5), repeat=5)))
+        good = np.sum(variance * every**-rate, axis=1) <= budget
+        fewest = 8 * every[good].sum(axis=1).min()
+        assert fewest <= wanted.sum() <= 1.35 * fewest
+
+
+def test_rays_that_suffice_stay() -> None:
+    rays = np.array([8, 64, 16])
+    np.testing.assert_array_equal(choose_rays(rays, np.ones(3), 5.0, 1.0), rays)

@@ -19,14 +19,15 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.frontier import Outcome, Setting
 from gash_jax.models.ambient import ambient_refinement
 from gash_jax.models.deforming_model import DeformingModel
+from gash_jax.models.guided import bake_guided, bake_to_error
 from gash_jax.models.model import Model
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.error_target import bake_to_error
 from gash_jax.prt.transfer import Transfer
 
 PLAIN_RAYS = (8, 16, 32, 64, 128, 256, 512)
 RANDOM_RAYS = (16, 64, 256)
 DEFAULT_RAYS = (16, 32, 64, 128, 256, 512)
+GUIDED_RAYS = (4, 8, 16, 32, 64, 128)
 ERRORS = (0.1, 0.05, 0.03, 0.02, 0.01)
 PEER_RAYS = (16, 64)
 NEIGHBOURS = (16, 64)
@@ -118,11 +119,15 @@ def _default(task: Task) -> dict[str, Run]:
     return _bakes(task, DEFAULT_RAYS, None)
 
 
-def _to_error(task: Task) -> dict[str, Run]:
-    return {
-        f"{error:g}": lambda seed, e=error: _baked(bake_to_error(task.mesh, e, task.bands, seed=seed))
-        for error in ERRORS
-    }
+def _guided(task: Task) -> dict[str, Run]:
+    return {str(n): lambda seed, n=n: _baked(bake_guided(task.mesh, task.bands, n, seed=seed)) for n in GUIDED_RAYS}
+
+
+def _to_error(unbiased: bool) -> Callable[[Task], dict[str, Run]]:
+    def run(task: Task, seed: int, error: float) -> Outcome:
+        return _baked(bake_to_error(task.mesh, error, task.bands, unbiased=unbiased, seed=seed))
+
+    return lambda task: {f"{error:g}": lambda seed, e=error: run(task, seed, e) for error in ERRORS}
 
 
 def _prediction(task: Task, model: Model) -> Run:
@@ -172,7 +177,9 @@ METHODS: dict[str, Method] = {
     "pseudo-random": Method("pseudo-random rays", _pseudo_random),
     "plain": Method("plain bake", _plain, knows_bounces=True, moving="frames"),
     "default": Method("default bake", _default, knows_bounces=True, moving="frames"),
-    "error": Method("bake to an error", _to_error, moving="frames"),
+    "guided": Method("guided bake", _guided, moving="frames"),
+    "error": Method("bake to an error", _to_error(unbiased=False), moving="frames"),
+    "unbiased": Method("bake to an error, rays alone", _to_error(unbiased=True), moving="frames"),
     "mlp": Method("MLP", _network("mlp"), moving="frames"),
     "single-stage": Method("GATv2, single stage", _network("gnn"), moving="frames"),
     "two-stage": Method("TransformerConv + GATv2, two stages", _network("two-stage"), moving="frames"),
