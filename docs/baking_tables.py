@@ -25,6 +25,37 @@ def calibration_table(result: dict[str, Any]) -> str:
     return f"{found}\n\n{note}\n\n{result['samples']} rows a scene; {origin(result)}."
 
 
+def guided_table(result: dict[str, Any]) -> str:
+    """The guided bake over all meshes, and over those of 5000 vertices and more."""
+    header = ["rays", "meshes", "MSE / plain: median, largest", "MSE / own rays: median, largest", "z: from, to"]
+    rows = []
+    for rays in sorted({row["rays"] for row in result["rows"]}):
+        for least, which in ((0, "all"), (5000, "5000 vertices and more")):
+            part = [row for row in result["rows"] if row["rays"] == rays and row["vertices"] >= least]
+            if not part:
+                continue
+            ratios = [np.array([row["guided"] / row[name] for row in part]) for name in ("plain", "own")]
+            scores = [row["score"] for row in part]
+            spans = [f"{np.median(ratio):.2f}, {ratio.max():.2f}" for ratio in ratios]
+            rows.append([str(rays), f"{len(part)}, {which}", *spans, f"{min(scores):.2f}, {max(scores):.2f}"])
+    return f"{table(header, rows)}\n\n{result['seeds']} seeds; {origin(result)}."
+
+
+def guided_meshes_table(result: dict[str, Any]) -> str:
+    """The guided bake on every mesh, its smallest number of rays and its largest."""
+    counts = sorted({row["rays"] for row in result["rows"]})
+    header = ["mesh", "vertices", *(f"{n} rays: MSE / plain, / own, z" for n in counts)]
+    rows = []
+    for name in dict.fromkeys(row["mesh"] for row in result["rows"]):
+        part = {row["rays"]: row for row in result["rows"] if row["mesh"] == name}
+        cells = [
+            f"{row['guided'] / row['plain']:.2f}, {row['guided'] / row['own']:.2f}, {row['score']:.2f}"
+            for row in part.values()
+        ]
+        rows.append([name, str(next(iter(part.values()))["vertices"]), *cells])
+    return table(header, rows)
+
+
 def error_target_table(result: dict[str, Any]) -> str:
     """What each target took and gave, over all meshes, and the worst of each."""
     header = ["target", "meshes", "true / target: median, largest", "rays / plain: median, largest"]

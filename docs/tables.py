@@ -88,6 +88,7 @@ class Table(NamedTuple):
     results: str
 
 
+GUIDED = "../../experiments/guided/results.json"
 ROTATION = "../../experiments/rotation/results.json"
 TABLES = (
     Table("README.md", "FRONTIER", frontier_tables.frontier_table, "frontier.json"),
@@ -95,6 +96,8 @@ TABLES = (
     Table("README.md", "START UP", start_up_table, "start_up.json"),
     Table("README.md", "CORPUS", corpus_table, "corpus_sizes.json"),
     Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
+    Table("docs/baking.md", "GUIDED", baking_tables.guided_table, GUIDED),
+    Table("docs/baking.md", "GUIDED BY MESH", baking_tables.guided_meshes_table, GUIDED),
     Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
     Table("docs/baking.md", "TARGETS", frontier_tables.targets_table, "frontier.json"),
     Table("docs/baking.md", "TARGETS BY MESH", frontier_tables.mesh_targets_table, "frontier.json"),

@@ -31,11 +31,26 @@ def test_bake_to_an_error_writes_what_it_did(folder: Path, capsys: pytest.Captur
     said = capsys.readouterr()
     assert "estimated relative error" in said.out + said.err
     baked = load_transfer(folder / "t.npz")
-    assert baked.metadata["method"] == "bake to error" and baked.metadata["parameters"]["error"] == 0.05
+    assert baked.metadata["method"] == "guided bake to error" and baked.metadata["parameters"]["error"] == 0.05
     assert baked.metadata["estimated_error"] <= 0.05
     assert sum(entry["rays"] for entry in baked.metadata["rounds"]) == baked.metadata["rays_total"]
     assert baked.metadata["modelled"]["bands"] == "3, as asked"
-    assert baked.standard_error is not None and np.all(baked.standard_error > 0)
+    assert baked.standard_error is None and np.all(np.asarray(baked.predicted_error) > 0)
+    run("bake", "bumpy.ply", "-o", "u.npz", "--error", "0.05", "--unbiased", "--quiet")
+    alone = load_transfer(folder / "u.npz")
+    assert alone.metadata["method"] == "bake to error" and alone.predicted_error is None
+    assert alone.standard_error is not None and np.all(alone.standard_error > 0)
+
+
+def test_guided_bake_of_few_rays(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    run("bake", "bumpy.ply", "-o", "t.npz", "--guided")
+    said = capsys.readouterr()
+    assert "estimated relative error" in said.out + said.err
+    baked = load_transfer(folder / "t.npz")
+    assert baked.metadata["method"] == "guided bake" and baked.metadata["rays_total"] == 8 * len(baked.vertices)
+    assert baked.predicted_error is not None and baked.metadata["modelled"]["reconstructed_over_edges"]
+    with pytest.raises(ValueError, match="power of two, not 12"):
+        run("bake", "bumpy.ply", "-o", "t.npz", "--guided", "--rays", "12")
 
 
 def test_auto_follows_its_plan_and_the_light_decides_the_bands(folder: Path, capsys: pytest.CaptureFixture) -> None:
@@ -62,6 +77,9 @@ def test_plan_for_people(folder: Path, capsys: pytest.CaptureFixture) -> None:
     ("arguments", "reason"),
     [
         (("--error", "0.05", "--rays", "64"), "choose one way"),
+        (("--guided", "--unbiased"), "choose one"),
+        (("--guided", "--error", "0.05"), "guided unless --unbiased"),
+        (("--guided", "--glossy"), "leave out --glossy"),
         (("--auto", "--replicates", "2"), "choose one way"),
         (("--light", "studio.hdr"), "add --auto"),
     ],

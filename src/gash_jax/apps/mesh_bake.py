@@ -149,7 +149,7 @@ def bake_mesh(mesh: Path, output: Path, chosen: BakeSettings, quiet: bool) -> No
         bands = plan.bands
     with progress_bar(f"baking {mesh.name}", quiet) as update:
         if chosen.to_error:
-            scene["unbiased"] = chosen.unbiased
+            scene["unbiased"] = chosen.unbiased or chosen.auto  # the plan counts rays alone
             transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
         elif chosen.guided:
             rays = chosen.rays_per_vertex

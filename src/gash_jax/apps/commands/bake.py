@@ -34,7 +34,9 @@ from gash_jax.prt.texture import MOST_TEXELS
     "--guided", is_flag=True, help="Few rays (--rays 4, 8, 16, ...), reconstructed by a network; biased.  [default: 8]"
 )
 @click.option("--unbiased", is_flag=True, help="With --error: rays alone, no network; a standard error in its place.")
-@click.option("--auto", is_flag=True, help="Plan first, then follow the plan (--error 0.02 unless given).")
+@click.option(
+    "--auto", is_flag=True, help="Plan first, then follow the plan by rays alone (--error 0.02 unless given)."
+)
 @light_option("With --auto: the light that decides the bands, by the radiance of the mesh under it (map or name).")
 @layout_option
 @click.option(

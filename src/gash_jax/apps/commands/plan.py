@@ -109,7 +109,8 @@ def plan_text(values: dict[str, Any]) -> str:
             f"({values['sampled_vertices']} vertices sampled)",
             f"bands                {values['bands']} ({reason})",
             f"error                {values['error']:g}",
-            f"rays                 {values['rays_total'] / 1e6:.3g} M, {values['rays_per_vertex']:.3g} per vertex",
+            f"rays                 {values['rays_total'] / 1e6:.3g} M, {values['rays_per_vertex']:.3g} per vertex "
+            "(by rays alone, as --auto bakes; --error takes fewer)",
             f"time                 {values['seconds']:.2g} s",
             f"file                 {values['bytes'] / 2**20:.3g} MiB",
         ]
