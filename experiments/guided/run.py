@@ -62,14 +62,15 @@ def main(meshes: Path | None, output: Path | None, quick: bool) -> dict[str, Any
             reference = bake_transfer(mesh, rays=256 if quick else REFERENCE, seed=77).coefficients
             for rays in RAYS[:1] if quick else RAYS:
                 row = measure(mesh, rays, results["seeds"], reference)
-                if row["plain"] > 1e-9:  # else nothing is hidden, and nothing to compare
+                if row["own"] > 1e-9:  # else nothing is hidden, and nothing to compare
                     results["rows"].append({"mesh": name, "vertices": len(mesh.vertices), **row})
+            saved(output, results)
             update(step + 1, len(loaded))
     for rays in sorted({row["rays"] for row in results["rows"]}):
         rows = [row for row in results["rows"] if row["rays"] == rays]
         ratio, own = ([row["guided"] / row[name] for row in rows] for name in ("plain", "own"))
         print(f"{rays} rays: {np.median(ratio):.2f} of the plain error, at most {max(own):.2f} of its own rays'")
-    return saved(output, results)
+    return results
 
 
 if __name__ == "__main__":
