@@ -31,9 +31,11 @@ from gash_jax.prt.texture import MOST_TEXELS
 @click.option("--rays", type=click.IntRange(1, 1 << 20), help="Rays per vertex.  [default: 256]")
 @click.option("--error", type=float, help="Relative error to reach, 0.001 to 1; rays go where they are needed.")
 @click.option(
-    "--guided", is_flag=True, help="Few rays (--rays 4, 8, 16, ...), reconstructed by a network; biased.  [default: 8]"
+    "--guided", is_flag=True, help="Few rays (--rays 4, 8, 16 ...; 8 unless given), reconstructed by a network; biased."
 )
-@click.option("--unbiased", is_flag=True, help="With --error: rays alone, no network; a standard error in its place.")
+@click.option(
+    "--unbiased", is_flag=True, help="With --error: by rays alone, without the network, and with a standard error."
+)
 @click.option(
     "--auto", is_flag=True, help="Plan first, then follow the plan by rays alone (--error 0.02 unless given)."
 )
@@ -69,7 +71,9 @@ from gash_jax.prt.texture import MOST_TEXELS
 @shard_options
 @quiet_option
 def bake(mesh: tuple[Path, ...], output: Path, quiet: bool, work: Work, **options: Any) -> None:
-    """Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient.
+    """Bake shadowed transfer of MESH with Embree, with an error bar for every coefficient.
+
+    That of rays alone is a standard error; --guided and --error foretell theirs by the network that they use.
 
     Several meshes are baked into a folder, which may be shared with other machines: -o FOLDER. What is there already,
     baked with the same options from the same files, is left as it is.
