@@ -103,7 +103,7 @@ def published(results: Results) -> str:
         "and plain bakes beat it.** Skill 0 is the closed form; median skills: "
         f"{skills}. With {LONG['two-stage'] // 60} minutes it is above 0 on {np.count_nonzero(best > 0)} of "
         f"{len(best)} meshes that have shadows, {best.min():.2f} at worst. {told}"
-        "Those that were tried in the world's axes are [worse](#how-the-paper-is-read). The MLP is the fastest of all, "
+        "In the world's axes all but the MLP are [worse](#how-the-paper-is-read). The MLP is the fastest of all, "
         f"{_time(result, known[0]):.1f} us a vertex, and the graph networks lose to plain bakes in error and in time."
     )
 
