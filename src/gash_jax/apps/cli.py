@@ -14,7 +14,7 @@ from gash_jax.files.caches import keep_compiled_programs, quiet_compiler
 # what `gash --help` says of each command, in the command's own words; the file is commands/NAME.py
 COMMANDS = {
     "animate": "Write the transfer of every frame of ANIMATION: baked, or by a model of the object that deforms.",
-    "bake": "Bake shadowed transfer of MESH with Embree, with a standard error for every coefficient.",
+    "bake": "Bake shadowed transfer of MESH with Embree, with an error bar for every coefficient.",
     "bench": "Speed against error on MESH: closed form, plain bakes, networks.",
     "compare": "Measure TRANSFER against REFERENCE (same mesh, same bands): relrmse, skill, equivalent rays and more.",
     "convert": "Write a light or a transfer the way another program reads it, and back: numbers, or a .glb file.",
@@ -24,7 +24,7 @@ COMMANDS = {
     "evaluate": "Hold the model of RUN (or a weights file) against reference bakes of every MESH.",
     "export": "Write the best weights of RUN, finished or not, for other runtimes: as .npz, or as .onnx with the "
     "network.",
-    "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, a file or folder that gash "
+    "info": "Say what FILE holds: a mesh with its health, an animation, a map, a config, an ONNX file, what gash "
     "wrote.",
     "light": "Project an environment map (.hdr, .exr), or a light by name, to spherical harmonics.",
     "plan": "Say what baking MESH needs: bands, rays, seconds and bytes, from a few pilot rays.",

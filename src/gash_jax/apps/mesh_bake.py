@@ -22,10 +22,10 @@ from gash_jax.formats.meshes import mesh_files, read_mesh
 from gash_jax.geometry.health import HealthReport
 from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
-from gash_jax.models.guided import bake_guided, bake_to_error, check_guided_rays
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.bake_job import choose_replicates
-from gash_jax.prt.error_target import check_error
+from gash_jax.prt.error_target import bake_to_error, check_error
+from gash_jax.prt.few_rays import check_few_rays
 from gash_jax.prt.plan import Plan, plan_bake
 from gash_jax.prt.scene import load_points
 from gash_jax.prt.texture_bake import chosen_coordinates, lay_out
@@ -59,6 +59,11 @@ class BakeSettings(NamedTuple):
     def to_error(self) -> bool:
         """Whether an error is given or planned for, and not a number of rays."""
         return self.auto or self.error is not None
+
+    @property
+    def unbiased_error(self) -> bool:
+        """Whether that error is reached by rays alone, which is what a plan counts."""
+        return self.to_error and (self.unbiased or self.auto)
 
     @property
     def relative_error(self) -> float:
@@ -118,7 +123,7 @@ def check_settings(chosen: BakeSettings) -> None:
     if chosen.to_error:
         check_error(chosen.relative_error)
     elif chosen.guided:
-        check_guided_rays(chosen.rays_per_vertex)
+        check_few_rays(chosen.rays_per_vertex)
     else:
         choose_replicates(chosen.rays_per_vertex, chosen.replicates)
 
@@ -148,12 +153,16 @@ def bake_mesh(mesh: Path, output: Path, chosen: BakeSettings, quiet: bool) -> No
         say(plan_text(plan.to_dict()), quiet)
         bands = plan.bands
     with progress_bar(f"baking {mesh.name}", quiet) as update:
-        if chosen.to_error:
-            scene["unbiased"] = chosen.unbiased or chosen.auto  # the plan counts rays alone
+        if chosen.unbiased_error:
             transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
-        elif chosen.guided:
-            rays = chosen.rays_per_vertex
-            transfer = bake_guided(surface, bands, rays, occluders=occluders, seed=seed, progress=update)
+        elif chosen.to_error or chosen.guided:
+            from gash_jax.models import guided  # networks are slow to import, and other bakes have none
+
+            if chosen.to_error:
+                transfer = guided.bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
+            else:
+                rays = chosen.rays_per_vertex
+                transfer = guided.bake_guided(surface, bands, rays, occluders=occluders, seed=seed, progress=update)
         else:
             scene |= {"glossy": chosen.glossy, **reflected}
             transfer = bake_transfer(surface, bands, chosen.rays_per_vertex, **scene, progress=update)

@@ -27,14 +27,21 @@ from gash_jax.nn.reconstruction import COMPARED
 from gash_jax.prt import error_target
 from gash_jax.prt.allocation import PILOT, choose_rays
 from gash_jax.prt.bake import free_and_dark
-from gash_jax.prt.error_target import MOST_RAYS, check_error
-from gash_jax.prt.few_rays import LARGEST_ROW, FewRays, continued_shifts, trace_first, trace_up_to
+from gash_jax.prt.error_target import check_error
+from gash_jax.prt.few_rays import (
+    LARGEST_ROW,
+    MOST_RAYS,
+    FewRays,
+    check_few_rays,
+    continued_shifts,
+    trace_first,
+    trace_up_to,
+)
 from gash_jax.prt.scene import as_occluders, make_scene
 from gash_jax.prt.tracing import ProgressFn, active_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
-LEAST_RAYS = 4
 CAUTION, AIM = 0.97, 0.94
 # how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
 # for, less than with many
@@ -119,7 +126,7 @@ def bake_guided(
     ((362, 9), (362, 9))
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
-    rays = check_guided_rays(rays)
+    rays = check_few_rays(rays)
     bake = GuidedBake(mesh, bands, min(rays, LARGEST_ROW), seed, backend, as_occluders(occluders))
     few, rebuilt = bake.nothing()
     if len(bake.active):
@@ -127,15 +134,6 @@ def bake_guided(
         few = trace_up_to(few, np.full(len(bake.active), rays), bake.rows, bake.traced, bake.visible)
         rebuilt = reconstruct(shipped_network(), surface, few)
     return bake.transfer(few, rebuilt, "guided bake", {"rays": rays, "seed": seed, "backend": backend})
-
-
-def check_guided_rays(rays: WholeNumber) -> int:
-    """A number of rays that a guided bake can have. Raises ValueError for another."""
-    rays = whole_number(rays, "rays", LEAST_RAYS, MOST_RAYS)
-    if rays & (rays - 1):
-        below = 1 << (rays.bit_length() - 1)
-        raise ValueError(f"rays of a guided bake must be a power of two, not {rays}: use {below} or {2 * below}")
-    return rays
 
 
 def bake_to_error(

@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from gash_jax.algebra.arguments import WholeNumber, whole_number
 from gash_jax.prt.integrands import direct
 from gash_jax.prt.rays import VisibilityFn
 from gash_jax.prt.sampling import ONE_MINUS, korobov
 from gash_jax.prt.tracing import ProgressFn, Rows, chunks_of, in_threads, trace_chunk, trace_rows
 
+LEAST_RAYS, MOST_RAYS = 4, 1 << 15
 LARGEST_ROW = 64  # rays of one row: larger blocks are several, so that few kernels are compiled
 MOST_POINTS = 1 << 20
 
@@ -28,6 +30,15 @@ class FewRays(NamedTuple):
     rays: Int[np.ndarray, "a"]
     share: Float[np.ndarray, "a"]
     local: Float[np.ndarray, "a k"]
+
+
+def check_few_rays(rays: WholeNumber) -> int:
+    """A number of rays that such a bake can have, a power of two from 4. Raises ValueError for another."""
+    rays = whole_number(rays, "rays", LEAST_RAYS, MOST_RAYS)
+    if rays & (rays - 1):
+        below = 1 << (rays.bit_length() - 1)
+        raise ValueError(f"rays of a guided bake must be a power of two, not {rays}: use {below} or {2 * below}")
+    return rays
 
 
 def continued_shifts(order: Int[np.ndarray, "a"], rays: int, seed: int) -> Float[np.ndarray, "a 1 2"]:
