@@ -176,3 +176,12 @@ def test_only_the_rays_of_the_rows_are_traced() -> None:
     result, free = trace_rows(rows, integrand, 8, counted, part=slice(10, 33))
     assert sum(asked) == 8 * 23
     assert (result[10:33] == 1).all() and (free[10:33] == 1).all() and result.sum() == free.sum() == 23
+
+
+def test_chunks_of_two_shapes_and_of_many() -> None:
+    """Few shapes are compiled where asked; else small meshes are cut so that all cores have work."""
+    counts = np.geomspace(10, 1e6, 40).astype(int)
+    assert len({chunk_size(int(count), 8, two_shapes=True) for count in counts}) == 2
+    assert len({chunk_size(int(count), 8) for count in counts}) > 4
+    assert 10_000 / chunk_size(10_000, 64) >= 8
+    assert chunk_size(1_000_000, 64) * 64 == tracing.RAYS_PER_CHUNK

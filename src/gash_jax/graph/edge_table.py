@@ -1,7 +1,7 @@
 """For every vertex the vertices at the other ends of its edges, as a table of fixed width."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 from scipy.sparse import csr_array
 
 WIDTH = 6  # of a closed mesh a vertex has six edges on average
@@ -30,11 +30,3 @@ def edge_table(
     ends = np.append(end[entries.indices], end.dtype.type(0))
     own = np.arange(n_vertices, dtype=np.int32)[:, None]
     return np.where(found, ends[np.where(found, place, 0)], own).astype(np.int32), found
-
-
-def edge_lengths(
-    positions: Float[np.ndarray, "v 3"], table: Int[np.ndarray, "v m"], found: Bool[np.ndarray, "v m"]
-) -> Float[np.ndarray, "v"]:
-    """Mean length of the edges of the table at every vertex; 0 where there is none."""
-    lengths = np.sqrt(sum((np.take(x, table) - x[:, None]) ** 2 for x in np.ascontiguousarray(positions.T)))
-    return lengths.sum(axis=1) / np.maximum(found.sum(axis=1), 1)  # an entry that is none has length 0

@@ -31,6 +31,7 @@ from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
 from gash_jax.prt.bake import free_and_dark
 from gash_jax.prt.error_bars import standard_error_floor
+from gash_jax.prt.few_rays import MOST_RAYS
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import VisibilityFn
 from gash_jax.prt.sampling import korobov
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
     from gash_jax.algebra.arguments import ArrayLike
 
-MOST_RAYS = 1 << 15
 # what is aimed at, of the error asked for: meshes of planes and straight edges come out up to a quarter worse
 CAUTION = 0.95
 LOWEST_ERROR, HIGHEST_ERROR = 1e-3, 1.0
