@@ -9,6 +9,7 @@ A coefficient is stored * scale + offset, with a scale and an offset for each co
     uv  `TEXCOORD_n`, two columns each, after the file's own sets: the one way into Unity. Floats, or unsigned integers.
 """
 
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,11 @@ def vertex_attributes(
     width = 4 if style == "sh" else 2
     each = -(-count // width)
     if style == "uv" and first_set + each * len(channels) > MOST_TEXTURE_SETS:
+        fitting = isqrt(width * ((MOST_TEXTURE_SETS - first_set) // len(channels)))
+        fewer = f"keep fewer bands (--bands {fitting}), or " * (fitting > 0)
         raise ValueError(
             f"{count * len(channels)} numbers need {each * len(channels)} sets of texture coordinates after the first "
-            f"{first_set}, and there are {MOST_TEXTURE_SETS}: keep fewer bands (--bands 3), or use --attributes sh"
+            f"{first_set}, and there are {MOST_TEXTURE_SETS}: {fewer}use --attributes sh"
         )
     padded = np.zeros((len(channels), coefficients.shape[0], each * width))
     padded[:, :, :count] = channels
