@@ -92,7 +92,13 @@ def scaling_table(result: dict[str, Any]) -> str:
 
 def paper_table(result: dict[str, Any]) -> str:
     """The GNN paper's Table 1 beside our seconds."""
-    header = ["vertices: paper, ours", "paper: unshadowed, shadowed s", "closed form, s", "256 rays, s", "to 2 % by rays alone, s"]
+    header = [
+        "vertices: paper, ours",
+        "paper: unshadowed, shadowed s",
+        "closed form, s",
+        "256 rays, s",
+        "to 2 % by rays alone, s",
+    ]
     rows = []
     for row in result["rows"]:
         pairs = (
