@@ -89,6 +89,15 @@ def test_what_sees_everything_stays_with_the_formula() -> None:
     assert baked.metadata["rays_total"] == 8 * len(mesh.vertices)
 
 
+def test_what_sees_nothing_is_exactly_dark_and_left_alone() -> None:
+    """The inside of a closed body: without energy no relative error could ever be reached."""
+    mesh = icosphere(2)
+    inside = mesh._replace(normals=-mesh.normals, faces=mesh.faces[:, ::-1].copy())
+    baked = bake_to_error(inside, 0.02)
+    assert not baked.coefficients.any() and baked.metadata["estimated_error"] == 0
+    assert baked.metadata["rays_total"] == 8 * len(mesh.vertices)
+
+
 @pytest.mark.parametrize("bands", [1, 2, 4, 7])
 def test_any_number_of_bands(bands: int) -> None:
     mesh = bumpy_sphere(8)

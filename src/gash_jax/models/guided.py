@@ -23,7 +23,7 @@ from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
 from gash_jax.models.reconstruction import Rebuilt, Surface, make_surface, reconstruct, shipped_network
-from gash_jax.nn.reconstruction import COMPARED
+from gash_jax.nn.reconstruction import COMPARED, LEAST
 from gash_jax.prt import error_target
 from gash_jax.prt.allocation import PILOT, choose_rays
 from gash_jax.prt.bake import free_and_dark
@@ -180,11 +180,15 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     """Trace until the expected relative error is at most `error`; also what there is to say about it."""
     few, surface = bake.first(PILOT, None)
     rounds = [{"vertices": len(few.rays), "rays": int(few.rays.sum())}]
+    if not few.share.any():  # zero is the formula, and no error is small beside it
+        return few, bake.nothing()[1], {"rounds": rounds, "estimated_error": 0.0}
     while True:
         rebuilt = reconstruct(shipped_network(), surface, few)
-        variance = rebuilt.variance[:, : bake.bands**2].sum(axis=1, dtype=np.float64)
+        # without the least that the network says, which no ray lowers
+        left = np.maximum(rebuilt.variance[:, : bake.bands**2] - LEAST, 0)
+        variance = left.sum(axis=1, dtype=np.float64)
         energy = float(np.sum(rebuilt.coefficients[:, : bake.bands**2].astype(np.float64) ** 2))
-        if variance.sum() <= (CAUTION * error) ** 2 * energy:  # 0 of 0 where no ray is free
+        if variance.sum() <= (CAUTION * error) ** 2 * energy:
             break
         rate = FIRST_RATE if len(rounds) == 1 else RATE
         wanted = choose_rays(few.rays, variance, (AIM * error) ** 2 * energy, rate)
