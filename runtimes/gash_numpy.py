@@ -290,6 +290,13 @@ def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, lead_
     return np.argsort(code, kind="stable").astype(np.int32)
 
 
+def first_of_repeated(places: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """For each vertex the first one at its place with its normal, within 1 / 4096."""
+    rows = np.concatenate([places, np.rint(4096 * normals)], axis=1, dtype=np.float32)
+    first, label = np.unique(rows, axis=0, return_index=True, return_inverse=True)[1:]
+    return first[label.reshape(-1)]
+
+
 def outward_faces(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Each set of corners once, the first one given, turned to where its vertices' normals point."""
     faces = faces[np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])]
@@ -624,12 +631,14 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
     """Coefficients and expected error of every vertex, both (v, B*B), after the fallback."""
     config, a, bands = model.config, model.arrays, model.config["bands"]
     points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
-    faces = outward_faces(vertices, normals, faces)
+    first = first_of_repeated(points, normals)
+    faces = outward_faces(vertices, normals, first[faces])
     area = face_areas(vertices, faces)
     axes = surface_axes(points, faces, area)
     tree = build_tree(points, faces, area, axes)
     records = surfel_records(tree, points, faces)
-    order = curve_order(points, normals, axes, VERTEX_BITS)
+    alone = np.flatnonzero(first == np.arange(len(first)))
+    order = alone[curve_order(points[alone], normals[alone], axes, VERTEX_BITS)]
     blocks = np.append(order, np.repeat(order[-1:], -len(order) % BLOCK)).reshape(-1, BLOCK)
     corners = corner_table(faces, len(points))
     coefficients, errors = (np.zeros((len(points), bands * bands), np.float32) for _ in range(2))
@@ -649,7 +658,7 @@ def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: n
         # the last block repeats its last vertex, with the same result
         found = fall_back(residual, log_mse, facing.reshape(-1, 3))
         coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found
-    return [coefficients, errors]
+    return [coefficients[first], errors[first]]
 
 
 def fall_back(residual: np.ndarray, log_mse: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

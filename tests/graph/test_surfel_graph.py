@@ -20,6 +20,7 @@ from gash_jax.graph.surfel_graph import (
 from gash_jax.graph.surfel_selection import BLOCK
 from gash_jax.graph.surfels import surfel_records
 from tests.helpers.bumpy import bumpy_mesh
+from tests.helpers.split import split_mesh
 
 TETRAHEDRON = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
 
@@ -82,7 +83,7 @@ def test_corners_of_a_tetrahedron_by_hand() -> None:
 def test_near_are_offsets_and_normals_of_corners() -> None:
     mesh = _tetrahedron()
     graph = surfel_graph(mesh, 8)
-    corners = corner_table(outward_faces(mesh)[0], 4)
+    corners = corner_table(outward_faces(mesh, np.arange(4))[0], 4)
     near = _by_vertex(graph, "near").reshape(4, NEAR, 6)
     unit = graph.scale
     np.testing.assert_allclose(near[..., :3] * unit, mesh.vertices[corners] - mesh.vertices[:, None], atol=1e-6)
@@ -93,10 +94,21 @@ def test_faces_look_where_normals_do_and_come_once() -> None:
     right = [sorted(np.roll(face, shift).tolist() for shift in range(3)) for face in TETRAHEDRON]
     broken = np.concatenate([TETRAHEDRON, TETRAHEDRON[[1]][:, ::-1], TETRAHEDRON[[0]][:, [1, 2, 0]]])
     broken[2] = broken[2, ::-1]
-    faces, areas = outward_faces(_tetrahedron(broken))
+    faces, areas = outward_faces(_tetrahedron(broken), np.arange(4))
     np.testing.assert_allclose(areas, 2 * np.sqrt(3), rtol=1e-6)
     assert [sorted(np.roll(face, shift).tolist() for shift in range(3)) for face in faces] == right
     assert faces.dtype == np.int32
+
+
+def test_a_seam_of_a_texture_changes_nothing(bumpy: Mesh) -> None:
+    split, of = split_mesh(bumpy)
+    whole, graph = surfel_graph(bumpy, 8), surfel_graph(split, 8)
+    jax.tree.map(np.testing.assert_array_equal, graph.blocks, whole.blocks)
+    np.testing.assert_array_equal(graph.slot, whole.slot[of])
+    # two sides of a hard edge are two vertices: here all copies look elsewhere
+    hard = split.normals.copy()
+    hard[len(bumpy.vertices) :] *= -1
+    assert len(np.unique(surfel_graph(split._replace(normals=hard), 8).slot)) == len(of)
 
 
 def test_loose_vertices_and_zero_normals() -> None:

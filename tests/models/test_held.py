@@ -13,6 +13,7 @@ from gash_jax.models.held import SIDES, TETRAHEDRON, HeldMesh, warm_up
 from gash_jax.models.model import Model
 from gash_jax.shapes.primitives import bumpy_sphere
 from tests.helpers.bumpy import random_variables
+from tests.helpers.split import split_mesh
 
 MESH = bumpy_sphere(9)
 TILT = MESH.normals + 0.4 * np.sin(5 * MESH.vertices[:, [2, 0, 1]])
@@ -39,6 +40,22 @@ def test_another_pose_gets_what_the_compiled_path_says(model: Model) -> None:
     expected = np.asarray(deforming_predictor(model, SMOOTH)(BENT)[0])
     np.testing.assert_allclose(held.predict(BENT).coefficients, expected, atol=1e-4)
     assert np.abs(expected - held.first.coefficients).max() > 0.01
+
+
+def test_copies_of_a_vertex_stay_one_and_may_not_part(model: Model) -> None:
+    split, of = split_mesh(SMOOTH)
+    held, predict = HeldMesh(model, split), deforming_predictor(model, split)
+    np.testing.assert_array_equal(held.first.coefficients, HeldMesh(model, SMOOTH).first.coefficients[of])
+    bent = HeldMesh(model, SMOOTH).predict(BENT).coefficients[of]
+    np.testing.assert_allclose(held.predict(BENT[of]).coefficients, bent, atol=1e-6)
+    np.testing.assert_allclose(predict(BENT[of])[0], bent, atol=1e-4)
+    torn = BENT[of]
+    torn[-1, 0] += 0.1
+    for ask in (held.predict, predict):
+        with pytest.raises(MeshError, match=f"vertices {of[-1]} and {len(of) - 1} are one point of the surface"):
+            ask(torn)
+    # from a pose in which they are apart they are two
+    assert np.isfinite(HeldMesh(model, split._replace(vertices=torn)).predict(BENT[of]).coefficients).all()
 
 
 def test_a_mesh_may_travel_far(model: Model) -> None:

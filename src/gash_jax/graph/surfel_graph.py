@@ -11,6 +11,9 @@ block; each block shares a list of n surfels:
 Positions are (vertex - center) / scale with the box centre and, as scale, the radius of the surface, which turns with
 the mesh. All arrays are NumPy, float32 or int32.
 
+Vertices at one place with one normal (`repeated_vertices`) are one vertex here: blocks hold the first of them, faces
+join those of all, and all have its slot.
+
 What depends on the faces alone (tree, blocks, tables) is a `SurfelPlan`; the rest follows from positions and normals,
 with NumPy or under jit, so a mesh that deforms keeps its plan.
 """
@@ -21,13 +24,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.geometry.topology import first_of_duplicates
+from gash_jax.graph.repeated_vertices import first_of_repeated
 from gash_jax.graph.surfel_selection import select_surfels, vertex_blocks
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
 NEAR = 8
+# how far copies of a vertex may part in a pose, in units of the mesh
+APART = 1e-3
 
 
 class SurfelGraph(NamedTuple):
@@ -40,23 +46,30 @@ class SurfelGraph(NamedTuple):
 
 
 class SurfelPlan(NamedTuple):
-    """Everything about the graph that positions do not change. `faces`: each once, wound as the normals say."""
+    """Everything about the graph that positions do not change.
+
+    `faces`: each once, wound as the normals say, between the vertices that are `first` of those at their place.
+    """
 
     faces: Int[np.ndarray, "f 3"]
+    first: Int[np.ndarray, "v"]
     tree: SurfelTree
     blocks: Int[np.ndarray, "b w"]
     corners: Int[np.ndarray, "v m"]
     table: Int[np.ndarray, "b n"]
 
 
-def outward_faces(mesh: Mesh | NormalisedMesh) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray, "f"]]:
-    """The faces, each set of corners once, turned so that they face where their vertices' normals do; and areas."""
+def outward_faces(
+    mesh: Mesh | NormalisedMesh, first: Int[np.ndarray, "v"]
+) -> tuple[Int[np.ndarray, "f 3"], Float[np.ndarray, "f"]]:
+    """The faces between the `first` of each place, each set of corners once, turned as their normals say; and areas."""
     shape = NormalisedMesh.of(mesh)
-    faces, normals = shape.mesh.faces, shape.mesh.normals
+    normals = shape.mesh.normals
+    faces = first[shape.mesh.faces].astype(np.int32)
     kept = first_of_duplicates(faces, len(normals)) == np.arange(len(faces))
     faces, vectors = faces[kept], shape.vector_areas[kept]
-    first, second, third = (np.take(normals, faces[:, i], axis=0) for i in range(3))
-    against = np.einsum("fi,fi->f", vectors.astype(np.float32), first + second + third) < 0
+    a, b, c = (np.take(normals, faces[:, i], axis=0) for i in range(3))
+    against = np.einsum("fi,fi->f", vectors.astype(np.float32), a + b + c) < 0
     return np.where(against[:, None], faces[:, ::-1], faces), shape.areas[kept]
 
 
@@ -84,13 +97,16 @@ def plan_surfels(
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
     """The plan of a mesh, and the records of its surfels at these positions."""
     shape = NormalisedMesh.of(mesh)
-    normals, (faces, area) = shape.mesh.normals, outward_faces(shape)
+    normals = shape.mesh.normals
+    first = first_of_repeated(positions, normals)
+    faces, area = outward_faces(shape, first)
     axes = surface_axes(positions, faces, area)
     tree = build_tree(positions, faces, area, axes)
     records = surfel_records(tree, positions, faces)
-    blocks = vertex_blocks(positions, normals, axes)
+    own = np.flatnonzero(first == np.arange(len(first)))
+    blocks = own[vertex_blocks(positions[own], normals[own], axes)].astype(np.int32)
     table = select_surfels(tree, records, positions[blocks], normals[blocks], count)
-    return SurfelPlan(faces, tree, blocks, corner_table(faces, len(positions)), table), records
+    return SurfelPlan(faces, first, tree, blocks, corner_table(faces, len(positions)), table), records
 
 
 def block_arrays(
@@ -111,11 +127,23 @@ def block_arrays(
     return {"position": place, "normal": facing, "near": near.reshape(*near.shape[:2], -1), "surfel": surfels}
 
 
-def node_slots(blocks: Int[np.ndarray, "b w"], n_vertices: int) -> Int[np.ndarray, "v"]:
-    """The place of every vertex in the order of the blocks; of the repeated last vertex the first one."""
-    slot = np.zeros(n_vertices, np.int32)
-    slot[blocks.reshape(-1)[::-1]] = np.arange(blocks.size, dtype=np.int32)[::-1]
-    return slot
+def node_slots(plan: SurfelPlan) -> Int[np.ndarray, "v"]:
+    """The place of every vertex in the order of the blocks; of the last vertex, which fills its block, the first."""
+    slot = np.zeros(len(plan.first), np.int32)
+    slot[plan.blocks.reshape(-1)[::-1]] = np.arange(plan.blocks.size, dtype=np.int32)[::-1]
+    return slot[plan.first]
+
+
+def check_together(plan: SurfelPlan, positions: Float[np.ndarray, "v 3"]) -> None:
+    """Raise MeshError where vertices that are one to the plan are apart in a pose (positions in units of the mesh)."""
+    others = np.flatnonzero(plan.first != np.arange(len(plan.first)))
+    apart = np.abs(positions[others] - positions[plan.first[others]]).max(axis=1, initial=0) > APART
+    if apart.any():
+        copy = others[np.argmax(apart)]
+        raise MeshError(
+            f"vertices {plan.first[copy]} and {copy} are one point of the surface in the first pose, not in this one: "
+            "start from a pose in which they are apart"
+        )
 
 
 def surfel_graph(mesh: Mesh, count: int) -> SurfelGraph:
@@ -136,5 +164,4 @@ def planned_graph(
 ) -> SurfelGraph:
     """The graph of a plan at these positions."""
     blocks = block_arrays(plan, records, positions, normals.astype(np.float32))
-    slot = node_slots(plan.blocks, len(positions))
-    return SurfelGraph(blocks, slot, np.asarray(center, np.float32), np.asarray(unit, np.float32))
+    return SurfelGraph(blocks, node_slots(plan), np.asarray(center, np.float32), np.asarray(unit, np.float32))

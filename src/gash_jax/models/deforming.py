@@ -13,13 +13,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, vertex_frames
-from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, node_slots, normalised, plan_surfels
+from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, check_together, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
 from gash_jax.models.surfel_inference import apply_surfels
@@ -74,7 +75,7 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     mesh = as_mesh(mesh)
     positions, center, unit = normalised(mesh)
     plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
-    slot = node_slots(plan.blocks, len(positions))
+    slot = node_slots(plan)
     middle, carried = jnp.asarray(center, jnp.float32)[None], carried_normals(mesh, plan.faces)
 
     @jax.jit
@@ -92,6 +93,8 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
                 f"positions have shape {pose.shape} {pose.dtype}: give those of all vertices of the mesh, "
                 f"{mesh.vertices.shape}"
             )
+        if not isinstance(pose, Tracer):
+            check_together(plan, np.asarray(pose, np.float32) / np.float32(unit))
         return frame(jnp.asarray(pose, jnp.float32), model.params)
 
     return predict

@@ -20,7 +20,7 @@ from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, p
 from gash_jax.geometry.checks import checked_vertices
 from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.normalised import NormalisedMesh
-from gash_jax.graph.surfel_graph import SurfelGraph, normalised, plan_surfels, planned_graph
+from gash_jax.graph.surfel_graph import SurfelGraph, check_together, normalised, plan_surfels, planned_graph
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.deforming import check_deforms
 from gash_jax.models.model import Model
@@ -63,14 +63,15 @@ class HeldMesh:
     def predict(self, vertices: Shaped[np.ndarray, "..."]) -> Prediction:
         """The transfer of a pose: positions of all vertices in the units of the mesh.
 
-        Raises MeshError where they are of another number, or not finite.
+        Raises MeshError where they are of another number, or not finite, or part where the mesh was whole.
         """
         started = time.perf_counter()
         if vertices.shape != self.mesh.vertices.shape:
             raise MeshError(f"positions have shape {vertices.shape}, the mesh has {self.mesh.vertices.shape}")
         shape = NormalisedMesh(self.mesh._replace(vertices=checked_vertices(vertices)))
         positions = shape.positions(self.unit).astype(np.float32)
-        normals = posed_mesh(positions, self.plan.faces, self._carried).normals
+        check_together(self.plan, positions)
+        normals = posed_mesh(positions, self.plan.faces, self._carried).normals[self.plan.first]
         records = surfel_records(self.plan.tree, positions, self.plan.faces)
         graph = planned_graph(self.plan, records, positions, normals, shape.center, self.unit)
         return self._predicted(graph, normals, started)
