@@ -1,6 +1,7 @@
-"""What the networks of sweep.toml do on meshes that none was trained on; stopped and started at will.
+"""What the networks of the two sweeps do on meshes that none was trained on; stopped and started at will.
 
-    .venv/bin/gash sweep experiments/cga/sweep.toml -o runs/cga
+    .venv/bin/gash sweep experiments/cga/published.toml -o runs/cga
+    .venv/bin/gash sweep experiments/cga/ours.toml -o runs/cga
     .venv/bin/python -m experiments.cga.unseen --runs runs/cga --meshes FOLDER --output experiments/cga/results.json
 
 FOLDER holds .ply files: the meshes of `experiments/neural_gash/evaluate.py` that are there, without the one that is
@@ -22,7 +23,7 @@ from gash_jax.models.model import load_model
 from gash_jax.train.sweep import run_folder
 
 TWICE = "igea"
-# of the line that the sweep wrote
+# of the line that a sweep wrote
 KEPT = ("id", "form", "encoding", "seed", "parameters", "steps", "skill", "commit")
 
 

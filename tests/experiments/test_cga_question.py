@@ -17,12 +17,16 @@ from tests.helpers.bumpy import bumpy_mesh, random_variables
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_sweep_gives_everyone_the_same_budget_and_shapes() -> None:
-    runs = load_sweep(ROOT / "experiments" / "cga" / "sweep.toml")[1]
-    assert len(runs) == 45 and len({run.id for run in runs}) == 45
-    assert len({(run.config.train.seconds, run.config.train.clock, run.config.data) for run in runs}) == 1
-    assert [run.seed for run in runs[:40]] == sorted(run.seed for run in runs[:40])
-    cells = {(values["name"], values["encoding"]) for values in (run.config.model.to_dict() for run in runs)}
+def test_the_sweeps_give_everyone_the_same_budget_and_shapes() -> None:
+    published, ours = (load_sweep(ROOT / "experiments" / "cga" / f"{name}.toml")[1] for name in ("published", "ours"))
+    runs = [*published, *ours]
+    assert (len(published), len(ours)) == (20, 25) and len({run.id for run in runs}) == 45
+    assert len({(run.config.train, run.config.optim, run.config.data) for run in runs}) == 5  # by seed
+    for some in (published, ours[:20]):
+        assert [run.seed for run in some] == sorted(run.seed for run in some)
+    values = [run.config.model.to_dict() for run in runs]
+    assert {(each["name"], each.get("frame")) for each in values} == {("gnn", "vertex"), ("rings", None)}
+    cells = {(each["name"], each["encoding"]) for each in values}
     assert {encoding for _, encoding in cells} == set(cga_table.ENCODINGS) and len(cells) == 9
 
 
