@@ -4,10 +4,10 @@ Rays come from `prt.few_rays`, the network is `nn.reconstruction`. The result is
 the less; what error is left the network says itself, as `predicted_error`. For labels and references there are
 `bake_transfer` and `prt.error_target.bake_to_error`, which know no network.
 
-To an error: `PILOT` rays for every vertex, reconstructed. The network's expected errors say how many rays, with the
-fewest in all, bring the mesh to `AIM` times the error asked for (`prt.allocation`); these are traced at once, and all
-is reconstructed again, until the expected error is at most `CAUTION` times it. Few rounds: one that is not needed costs
-as much as some ten rays a vertex.
+To an error: `PILOT` rays for every vertex. The errors that the network expects say how many rays, with the fewest in
+all, bring the mesh to `AIM` times the error asked for (`prt.allocation`); these are traced at once, and looked at
+again, until the expected error is at most the one asked for. A look takes as long as some ten rays a vertex, so there
+are to be few of them, and the first is at a part of the mesh alone (`guided_sample`).
 """
 
 import time
@@ -22,6 +22,7 @@ from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
+from gash_jax.models.guided_sample import expected_everywhere, make_sample
 from gash_jax.models.reconstruction import Rebuilt, Surface, make_surface, reconstruct, shipped_network
 from gash_jax.nn.reconstruction import COMPARED, LEAST
 from gash_jax.prt import error_target
@@ -42,10 +43,11 @@ from gash_jax.prt.tracing import ProgressFn, active_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
-CAUTION, AIM = 0.97, 0.94
+# of the error asked for: what rays are to bring the mesh to, and what is enough in a part, which may be a little off
+AIM, ENOUGH = 0.92, 0.95
 # how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
 # for, less than with many
-FIRST_RATE, RATE = 1.1, 1.3
+FIRST_RATE, RATE = 1.15, 1.45
 MOST_DOUBLINGS = 3  # at a time: further ahead the expected errors do not see
 
 
@@ -62,6 +64,9 @@ class GuidedBake:
         order = np.argsort(curve_codes(places, mesh.normals, 30), kind="stable")
         shifts = continued_shifts(order, rays, seed)
         self.active, self.rows = active_rows(mesh, scene.geometry, None, shifts)
+        number = np.full(len(order), -1)
+        number[self.active] = np.arange(len(self.active))
+        self.order = number[order][number[order] >= 0]  # of the active vertices along the curve
         self.places = places
         self.built = time.perf_counter()
 
@@ -182,25 +187,31 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     rounds = [{"vertices": len(few.rays), "rays": int(few.rays.sum())}]
     if not few.share.any():  # zero is the formula, and no error is small beside it
         return few, bake.nothing()[1], {"rounds": rounds, "estimated_error": 0.0}
-    while True:
-        rebuilt = reconstruct(shipped_network(), surface, few)
-        # without the least that the network says, which no ray lowers
-        left = np.maximum(rebuilt.variance[:, : bake.bands**2] - LEAST, 0)
-        variance = left.sum(axis=1, dtype=np.float64)
-        energy = float(np.sum(rebuilt.coefficients[:, : bake.bands**2].astype(np.float64) ** 2))
-        if variance.sum() <= (CAUTION * error) ** 2 * energy:
-            break
-        rate = FIRST_RATE if len(rounds) == 1 else RATE
-        wanted = choose_rays(few.rays, variance, (AIM * error) ** 2 * energy, rate)
-        wanted = np.minimum(wanted, np.minimum(few.rays << MOST_DOUBLINGS, MOST_RAYS))
-        chosen = wanted > few.rays
-        if not chosen.any():
-            break
-        if progress:
-            progress(int(few.rays.sum()), int(wanted.sum()))
-        rounds.append({"vertices": int(chosen.sum()), "rays": int((wanted - few.rays).sum())})
-        few = trace_up_to(few, wanted, bake.rows, bake.traced, bake.visible)
+    network, k, rebuilt = shipped_network(), bake.bands**2, None
+    sample = make_sample(surface, bake.order)  # for the first look
+    while rebuilt is None:
+        if sample is not None:
+            variance, energy = expected_everywhere(network, sample, surface, few, k)
+        else:
+            rebuilt = reconstruct(network, surface, few)
+            # without the least that the network says, which no ray lowers
+            variance = np.maximum(rebuilt.variance[:, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
+            energy = float(np.sum(rebuilt.coefficients[:, :k].astype(np.float64) ** 2))
+        enough = variance.sum() <= ((1.0 if sample is None else ENOUGH) * error) ** 2 * energy
+        wanted = few.rays if enough else _wanted(few, variance, (AIM * error) ** 2 * energy, len(rounds) == 1)
+        chosen, sample = wanted > few.rays, None
+        if chosen.any():
+            if progress:
+                progress(int(few.rays.sum()), int(wanted.sum()))
+            rounds.append({"vertices": int(chosen.sum()), "rays": int((wanted - few.rays).sum())})
+            few, rebuilt = trace_up_to(few, wanted, bake.rows, bake.traced, bake.visible), None
     if progress:
         progress(int(few.rays.sum()), int(few.rays.sum()))
     estimated = float(np.sqrt(variance.sum() / energy)) if energy > 0 else 0.0
     return few, rebuilt, {"rounds": rounds, "estimated_error": estimated}
+
+
+def _wanted(few: FewRays, variance: np.ndarray, budget: float, first: bool) -> np.ndarray:
+    """Rays of each vertex with which the variances are expected to meet a budget, as far ahead as can be seen."""
+    wanted = choose_rays(few.rays, variance, budget, FIRST_RATE if first else RATE)
+    return np.minimum(wanted, np.minimum(few.rays << MOST_DOUBLINGS, MOST_RAYS))

@@ -15,8 +15,8 @@ import numpy as np
 from flax.traverse_util import unflatten_dict
 from jaxtyping import Array, Bool, Float, Int
 
-from gash_jax.algebra.closed_forms import unshadowed_transfer
-from gash_jax.algebra.sh import bands_of
+from gash_jax.algebra.closed_forms import clamped_cosine_coefficients
+from gash_jax.algebra.sh import bands_of, sh_components
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.npz import read_npz
 from gash_jax.graph.edge_table import edge_table
@@ -48,6 +48,12 @@ class Surface(NamedTuple):
     frames: Float[np.ndarray, "a 3 3"]
     table: Int[np.ndarray, "m a"]
     found: Bool[np.ndarray, "m a"]
+
+    def unshadowed(self, bands: int) -> Float[np.ndarray, "a k"]:
+        """Transfer without shadows: of many normals NumPy is as fast as anything, one component after the other."""
+        factors = (clamped_cosine_coefficients(bands) / np.pi).astype(np.float32)
+        columns = np.ascontiguousarray(self.normals.T, np.float32)
+        return np.stack([f * c for f, c in zip(factors, sh_components(*columns, bands), strict=True)], axis=1)
 
 
 class Rebuilt(NamedTuple):
@@ -89,9 +95,11 @@ def make_surface(
 
 
 @jax.jit
-def _residuals(local: Array, frames: Array, normals: Array) -> Array:
+def _residuals(local: Array, frames: Array) -> Array:
     """Residuals "k c" in world axes to the transfer without shadows, of estimates in the frames of their vertices."""
-    return (rotate_coefficients(local, frames) - unshadowed_transfer(normals, bands_of(local.shape[-1]))).T
+    bands = bands_of(local.shape[-1])
+    upright = clamped_cosine_coefficients(bands) / np.pi * np.asarray(sh_components(0.0, 0.0, 1.0, bands))
+    return rotate_coefficients(local - jnp.asarray(upright, local.dtype), frames).T
 
 
 def _seen(rows: Float[Array, "d *v"], bands: int) -> Seen:
@@ -101,61 +109,53 @@ def _seen(rows: Float[Array, "d *v"], bands: int) -> Seen:
 
 
 @partial(jax.jit, static_argnames="module")
-def _look(module: Reconstruction, params: Any, own: Array, near: Array, found: Array) -> tuple[Array, Array]:
+def _look(module: Reconstruction, params: Any, own: Array, near: Array, found: Array) -> tuple[Array, Around]:
     """The first pass on a block, "d c" and "d m c" -> residual, noise, rays and share one below the other; edges."""
-    edges = edge_features(own[PLACE], own[NORMAL], near[PLACE], near[NORMAL], found)
+    around = Around(edge_features(own[PLACE], own[NORMAL], near[PLACE], near[NORMAL], found), found)
     both = _seen(own, module.bands), _seen(near, module.bands)
-    seen: Any = module.apply({"params": params}, *both, Around(edges, found), method="look")
-    return jnp.concatenate([seen.residual, seen.noise, seen.rays[None], seen.share[None]]), edges
+    seen: Any = module.apply({"params": params}, *both, around, method="look")
+    return jnp.concatenate([seen.residual, seen.noise, seen.rays[None], seen.share[None]]), around
 
 
 @partial(jax.jit, static_argnames=("module", "k"))
-def _look_again(
-    module: Reconstruction, k: int, params: Any, own: Array, near: Array, around: Around, normals: Array
-) -> tuple[Array, Array]:
-    """The second pass on what the first gave -> coefficients and the variance expected of each, both "c k"."""
+def _look_again(module: Reconstruction, k: int, params: Any, own: Array, near: Array, around: Around) -> Array:
+    """The second pass on what the first gave -> residual "k c", and below it the variance expected in each band."""
     both = (Seen(rows[:k], rows[k:-2], rows[-2], rows[-1]) for rows in (own, near))
     found: Any = module.apply({"params": params}, *both, around, method="look_again")
-    residual, variance = found
-    coefficients = residual.T + unshadowed_transfer(normals, bands_of(k))
-    return coefficients, variance[bands_used(k, len(variance))].T
+    return jnp.concatenate(found)
 
 
 def reconstruct(network: Network, surface: Surface, few: FewRays) -> Rebuilt:
     """Coefficients of a mesh of which every active vertex has some rays; of at least three bands."""
     module, params = network
     count, k = few.local.shape
+    used = min(module.bands, bands_of(k))
     size = SMALL_BLOCK if count <= FEW else BLOCK
     blocks = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     rows = np.empty((RESIDUAL.start + k, count), np.float32)
     rows[PLACE], rows[NORMAL], rows[RAYS], rows[SHARE] = surface.places.T, surface.normals.T, few.rays, few.share
-    once = np.empty((k + min(module.bands, bands_of(k)) + 2, count), np.float32)
-    coefficients, variance = np.empty((count, k), np.float32), np.empty((count, k), np.float32)
-    edges: dict[int, Array] = {}
+    once, twice = np.empty((k + used + 2, count), np.float32), np.empty((k + used, count), np.float32)
+    arounds: dict[int, Around] = {}
 
-    def of(own: slice, array: np.ndarray) -> np.ndarray:
-        """The columns of a block; the last block is filled up with its last vertex."""
-        found, missing = array[..., own], size - (own.stop - own.start)
-        return found if not missing else np.concatenate([found, np.repeat(found[..., -1:], missing, axis=-1)], axis=-1)
-
-    def rows_of(own: slice, array: np.ndarray) -> np.ndarray:
-        return np.moveaxis(of(own, np.moveaxis(array, 0, -1)), -1, 0)
+    def of(own: slice, array: np.ndarray, axis: int = -1) -> np.ndarray:
+        """The part of a block; the last block is filled up with its last vertex."""
+        index = own if own.stop - own.start == size else np.minimum(np.arange(own.start, own.start + size), count - 1)
+        return array[index] if axis == 0 else array[..., index]
 
     def prepare(own: slice) -> None:
-        found = _residuals(*(rows_of(own, array) for array in (few.local, surface.frames, surface.normals)))
+        found = _residuals(of(own, few.local, 0), of(own, surface.frames, 0))
         rows[RESIDUAL, own] = np.asarray(found)[:, : own.stop - own.start]
 
     def look(own: slice) -> None:
         near = np.take(rows, of(own, surface.table), axis=1)
-        found, edges[own.start] = _look(module, params, of(own, rows), near, of(own, surface.found))
+        found, arounds[own.start] = _look(module, params, of(own, rows), near, of(own, surface.found))
         once[:, own] = np.asarray(found)[:, : own.stop - own.start]
 
     def look_again(own: slice) -> None:
         near = np.take(once, of(own, surface.table), axis=1)
-        around = Around(edges[own.start], jnp.asarray(of(own, surface.found)))
-        found = _look_again(module, k, params, of(own, once), near, around, rows_of(own, surface.normals))
-        coefficients[own], variance[own] = (np.asarray(array)[: own.stop - own.start] for array in found)
+        found = _look_again(module, k, params, of(own, once), near, arounds[own.start])
+        twice[:, own] = np.asarray(found)[:, : own.stop - own.start]
 
     for work in (prepare, look, look_again):
         in_threads(work, blocks)
-    return Rebuilt(coefficients, variance)
+    return Rebuilt(twice[:k].T + surface.unshadowed(bands_of(k)), twice[k:].T[:, bands_used(k, used)])

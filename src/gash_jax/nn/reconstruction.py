@@ -86,6 +86,11 @@ def bands_used(k: int, bands: int) -> np.ndarray:
     return np.minimum(band_index(bands_of(k)), bands - 1)
 
 
+def bands_apart(k: int, bands: int) -> list[tuple[int, slice]]:
+    """The coefficients of each band with the band whose weight they get (`bands_used`)."""
+    return [(min(band, bands - 1), slice(band * band, (band + 1) ** 2)) for band in range(bands_of(k))]
+
+
 def _dense(
     module: nn.Module, name: str, values: Float[Array, "f *v"], width: int, scale: float
 ) -> Float[Array, "h *v"]:
@@ -138,8 +143,12 @@ class Pass(nn.Module):
         weight = jnp.where(found, jnp.exp(jnp.clip(logits[:used], SMALLEST_LOGIT, LARGEST_LOGIT)), 0)
         rest = 1 / (1 + jnp.sum(weight, axis=1))
         weight = weight * rest[:, None]
-        band = bands_used(own.residual.shape[0], used)
-        residual = own.residual * rest[band] + jnp.sum(weight[band] * near.residual, axis=1)
+        # band by band: a gather of the weights for each coefficient takes longer than all sums
+        parts = [
+            own.residual[part] * rest[band] + jnp.sum(weight[band] * near.residual[part], axis=1)
+            for band, part in bands_apart(own.residual.shape[0], used)
+        ]
+        residual = jnp.concatenate(parts)
         left = rest**2 * own.noise[:used] + jnp.sum(weight**2 * near.noise[:used], axis=1)
         spread = by_band((near.residual - residual[:, None]) ** 2, COMPARED)
         spread = jnp.sum(weight[:COMPARED] * spread, axis=1)

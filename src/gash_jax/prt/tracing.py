@@ -197,7 +197,11 @@ def _spread(
 
 def in_threads(work: Callable[[Any], None], chunks: Sequence[Any]) -> None:
     """Call `work` for every chunk; the first exception ends it all, Ctrl-C in the main thread included."""
-    threads = max(1, min(available_cores() + 1, len(chunks)))  # one more than cores fills the gaps between kernels
+    threads = min(available_cores() + 1, len(chunks))  # one more than cores fills the gaps between kernels
+    if threads < 2:
+        for chunk in chunks:
+            work(chunk)
+        return
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work, chunk) for chunk in chunks]
         try:
