@@ -78,6 +78,16 @@ def test_occluders_and_points(folder: Path) -> None:
     np.testing.assert_allclose(up.vertices, BOWL.vertices[:, [0, 2, 1]] * [1, 1, -1], atol=1e-7)
 
 
+def test_to_an_error(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    run("bake", "bowl.ply", "-o", "t.npz", "--error", "0.05", "--bounces", "20", "--albedo", "0.5")
+    told, transfer = capsys.readouterr().out, load_transfer("t.npz")
+    assert transfer.metadata["estimated_error"] <= 0.05 and transfer.metadata["method"] == "bake to error"
+    counted = transfer.metadata["counted_bounces"]
+    assert counted < 20 and f"{counted} bounces: further ones would add" in told and "estimated relative error" in told
+    run("bake", "bowl.ply", "-o", "t.npz", "--error", "0.05", "--bounces", "1", "--albedo", "0.5")
+    assert "1 bounces: as many as were asked for" in capsys.readouterr().out
+
+
 def test_a_plan_of_bounces(folder: Path, capsys: pytest.CaptureFixture) -> None:
     run("plan", "bowl.ply", "--bounces", "2", "--rays", "16", "--albedo", "0.9,0.5,0.2", "--json")
     plan = json.loads(capsys.readouterr().out)
@@ -123,8 +133,8 @@ def test_plans_that_contradict_themselves(folder: Path, arguments: tuple[str, ..
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("--bounces", "2", "--error", "0.05"), "give --rays in place of --error"),
-        (("--bounces", "2", "--auto"), "give --rays in place of --error"),
+        (("--bounces", "2", "--auto", "--albedo", "0.5"), "give --rays or --error with --bounces"),
+        (("--bounces", "2", "--albedo", "0.5", "--error", "5"), "error must be from 0.001 to 1"),
         (("--bounces", "2"), "--bounces and --albedo go together"),
         (("--albedo", "0.5"), "--bounces and --albedo go together"),
         (("--auto", "--occluders", "floor.ply"), "--auto plans a mesh alone"),

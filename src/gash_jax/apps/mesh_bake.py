@@ -24,6 +24,7 @@ from gash_jax.light.environment import load_light
 from gash_jax.measure.metrics import relrmse
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.bake_job import choose_replicates
+from gash_jax.prt.bounce_error import bake_bounces_to_error
 from gash_jax.prt.error_target import bake_to_error, check_error
 from gash_jax.prt.few_rays import check_few_rays
 from gash_jax.prt.plan import Plan, plan_bake
@@ -101,8 +102,8 @@ def check_settings(chosen: BakeSettings) -> None:
         raise click.UsageError(
             "--guided bakes the diffuse transfer of vertices: leave out --glossy, --bounces, --texture and --points"
         )
-    if chosen.bounces and chosen.to_error:
-        raise click.UsageError("--bounces goes with a number of rays: give --rays in place of --error or --auto")
+    if chosen.bounces and chosen.auto:
+        raise click.UsageError("--auto plans light that does not bounce: give --rays or --error with --bounces")
     if (chosen.bounces > 0) != (chosen.albedo is not None):
         raise click.UsageError("--bounces and --albedo go together: give how often light bounces, and off what")
     if chosen.auto and (chosen.points_path or chosen.occluders):
@@ -153,7 +154,10 @@ def bake_mesh(mesh: Path, output: Path, chosen: BakeSettings, quiet: bool) -> No
         say(plan_text(plan.to_dict()), quiet)
         bands = plan.bands
     with progress_bar(f"baking {mesh.name}", quiet) as update:
-        if chosen.unbiased_error:
+        if chosen.to_error and chosen.bounces:
+            scene |= {"bounces": chosen.bounces, "albedo": colors}
+            transfer = bake_bounces_to_error(surface, error, bands, **scene, seed=seed, progress=update)
+        elif chosen.unbiased_error:
             transfer = bake_to_error(surface, error, bands, **scene, seed=seed, progress=update)
         elif chosen.to_error or chosen.guided:
             from gash_jax.models import guided  # networks are slow to import, and other bakes have none
@@ -187,6 +191,10 @@ def _entries_of_aim(transfer: Transfer, plan: Plan | None) -> dict[str, Any]:
 def _reached(transfer: Transfer, error: float) -> list[str]:
     estimated, rounds = transfer.metadata["estimated_error"], len(transfer.metadata["rounds"])
     lines = [f"error {error:g} was not reached: the rays per vertex are limited"] if estimated > error else []
+    if "counted_bounces" in transfer.metadata:
+        counted, left_out = (transfer.metadata[name] for name in ("counted_bounces", "light_left_out"))
+        more = f"further ones would add {left_out:.2%}" if left_out else "as many as were asked for"
+        lines.append(f"{counted} bounces: {more}")
     return [*lines, f"estimated relative error {estimated:.2%} after {rounds} rounds"]
 
 

@@ -28,6 +28,7 @@ from gash_jax.nn.reconstruction import COMPARED, LEAST
 from gash_jax.prt import error_target
 from gash_jax.prt.allocation import PILOT, choose_rays
 from gash_jax.prt.bake import free_and_dark
+from gash_jax.prt.bounce_error import bake_bounces_to_error
 from gash_jax.prt.error_target import check_error
 from gash_jax.prt.few_rays import (
     LARGEST_ROW,
@@ -147,6 +148,8 @@ def bake_to_error(
     bands: WholeNumber = 3,
     *,
     unbiased: bool = False,
+    bounces: WholeNumber = 0,
+    albedo: Any = None,
     points: Any = None,
     normals: Any = None,
     occluders: Sequence[MeshLike] = (),
@@ -158,14 +161,18 @@ def bake_to_error(
 
     Few-ray estimates are reconstructed over the edges of the mesh; `predicted_error` is what is expected to be left.
     `unbiased` leaves the network out, takes more rays, and gives a `standard_error` (`prt.error_target`); so do
-    `points` with `normals`, which have no edges. The metadata's `rounds` says how many rays were traced when,
-    `estimated_error` what the bake believes it reached. `progress(done, total)` counts rays. Vertices stop at 2^15 rays
-    each. Raises ValueError for options out of range.
+    `points` with `normals`, which have no edges. Light that bounces up to `bounces` times off surfaces of an `albedo`
+    is baked by rays alone, too (`prt.bounce_error`). The metadata's `rounds` says how many rays were traced when,
+    `estimated_error` what the bake believes it reached. `progress(done, total)` counts rays. Vertices stop at 2^15
+    rays each. Raises ValueError for options out of range.
 
     >>> transfer = gash_jax.bake_to_error("bunny.ply", 0.05)
     >>> transfer.metadata["estimated_error"] <= 0.05
     True
     """
+    if bounces or albedo is not None:
+        scene = {"points": points, "normals": normals, "occluders": occluders, "bounces": bounces, "albedo": albedo}
+        return bake_bounces_to_error(mesh, error, bands, **scene, seed=seed, backend=backend, progress=progress)
     if unbiased or points is not None or normals is not None:
         scene = {"points": points, "normals": normals, "occluders": occluders}
         return error_target.bake_to_error(mesh, error, bands, **scene, seed=seed, backend=backend, progress=progress)

@@ -98,8 +98,8 @@ def make_surface(
 def _residuals(local: Array, frames: Array) -> Array:
     """Residuals "k c" in world axes to the transfer without shadows, of estimates in the frames of their vertices."""
     bands = bands_of(local.shape[-1])
-    upright = clamped_cosine_coefficients(bands) / np.pi * np.asarray(sh_components(0.0, 0.0, 1.0, bands))
-    return rotate_coefficients(local - jnp.asarray(upright, local.dtype), frames).T
+    upright = clamped_cosine_coefficients(bands) / np.pi * np.array(sh_components(0.0, 0.0, 1.0, bands))
+    return rotate_coefficients(local - jnp.asarray(upright, local.dtype)[None], frames).T
 
 
 def _seen(rows: Float[Array, "d *v"], bands: int) -> Seen:

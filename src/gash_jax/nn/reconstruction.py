@@ -145,7 +145,7 @@ class Pass(nn.Module):
         weight = weight * rest[:, None]
         # band by band: a gather of the weights for each coefficient takes longer than all sums
         parts = [
-            own.residual[part] * rest[band] + jnp.sum(weight[band] * near.residual[part], axis=1)
+            own.residual[part] * rest[None, band] + jnp.sum(weight[None, band] * near.residual[part], axis=1)
             for band, part in bands_apart(own.residual.shape[0], used)
         ]
         residual = jnp.concatenate(parts)
