@@ -1,5 +1,8 @@
 """Embree and the brute-force oracle agree ray by ray, except for rays that float32 cannot call."""
 
+import sys
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -141,5 +144,12 @@ def test_rays_at_shared_edges_and_corners_meet_one_of_their_faces() -> None:
 
 
 def test_unknown_backend_is_named() -> None:
-    with pytest.raises(ValueError, match="choose one of embree, jax"):
+    with pytest.raises(ValueError, match="choose one of embree, jax, warp"):
         visibility(*TRIANGLE, "optix")
+
+
+@pytest.mark.parametrize("build", [visibility, closest_hit])
+def test_a_backend_that_is_not_installed_says_what_to_install(build: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "warp", None)
+    with pytest.raises(ValueError, match=r"pip install warp-lang \(or gash-jax\[warp\]\), or take \"embree\""):
+        build(*TRIANGLE, "warp")

@@ -8,9 +8,10 @@ from jaxtyping import Float, Int
 from gash_jax.prt.brute_force import brute_force_closest_hit, brute_force_visibility
 from gash_jax.prt.embree import embree_closest_hit, embree_visibility
 from gash_jax.prt.rays import ClosestHitFn, RayQuery, VisibilityFn
+from gash_jax.prt.warp_rays import warp_closest_hit, warp_visibility
 
-VISIBILITY = {"embree": embree_visibility, "jax": brute_force_visibility}
-CLOSEST_HIT = {"embree": embree_closest_hit, "jax": brute_force_closest_hit}
+VISIBILITY = {"embree": embree_visibility, "jax": brute_force_visibility, "warp": warp_visibility}
+CLOSEST_HIT = {"embree": embree_closest_hit, "jax": brute_force_closest_hit, "warp": warp_closest_hit}
 
 
 def _known(backend: str) -> str:
@@ -22,7 +23,11 @@ def _known(backend: str) -> str:
 def visibility(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], backend: str = "embree"
 ) -> VisibilityFn:
-    """Build the scene for a backend, "embree" or "jax" (every ray against every triangle: small meshes only)."""
+    """Build the scene for a backend: "embree", "jax" (every ray against every triangle: small meshes only) or "warp"
+    (NVIDIA Warp, on a GPU where there is one; the extra `warp`).
+
+    Raises ValueError for another, and for one that is not installed.
+    """
     return VISIBILITY[_known(backend)](vertices, faces)
 
 
