@@ -41,7 +41,7 @@ def test_it_says_nearly_the_error_of_the_whole(index: int) -> None:
     logs = np.log(truth + 1e-9)
     assert np.corrcoef(np.log(variance), logs)[0, 1] > 0.6
     # what rays alone say has more energy, by that of their noise
-    assert np.sum(few.local**2) > 1.01 * np.sum(whole.coefficients**2)
+    assert np.sum(few.local**2) > 1.005 * energy
 
 
 def test_known_errors_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,5 +81,5 @@ def test_a_part_that_misleads_costs_rays_or_rounds_and_no_error(factor: float, m
     monkeypatch.setattr(guided, "expected_everywhere", misled)
     found = bake_to_error(mesh, 0.02)
     assert found.metadata["estimated_error"] <= 0.02 and honest.metadata["estimated_error"] <= 0.02
-    if factor > 1:
-        assert found.metadata["rays_total"] > honest.metadata["rays_total"]
+    traced = [told.metadata["rounds"][1]["rays"] for told in (found, honest)]
+    assert traced[0] > traced[1] if factor > 1 else traced[0] != traced[1]
