@@ -77,6 +77,7 @@ def measure(run: RunConfig, images: Images) -> dict[str, Any]:
     step = image_step.lower(*arguments, **static).compile()
     compiled = time.perf_counter() - started
     held, counted = step.memory_analysis(), step.cost_analysis()
+    assert held is not None and counted is not None
     kept, losses, seconds = arguments[:3], [], []
     for _ in range(STEPS):
         started = time.perf_counter()

@@ -18,7 +18,7 @@ def test_the_part_is_reconstructed_as_the_whole_is() -> None:
     few, surface = bake.first(8, None)
     sample = make_sample(surface, bake.order)
     assert sample is not None
-    index, asked = sample.index, sample.asked
+    index, asked = sample.vertices, sample.asked
     assert len(asked) == guided_sample.RUN * guided_sample.FEWEST_RUNS and len(index) < len(few.rays) / 3
     part = FewRays(few.rays[index], few.share[index], few.local[index])
     found, whole = (reconstruct(shipped_network(), *args) for args in ((sample.surface, part), (surface, few)))
@@ -51,8 +51,8 @@ def test_known_errors_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     sample = make_sample(surface, bake.order)
     assert sample is not None
     law = np.exp(guided_sample._features(surface, few) @ [-7.0, 0.8, 0.5, 0.2])
-    variance = np.repeat(law[sample.index, None] / 9, 9, axis=1) + LEAST
-    made = Rebuilt(few.local[sample.index], variance)
+    variance = np.repeat(law[sample.vertices, None] / 9, 9, axis=1) + LEAST
+    made = Rebuilt(few.local[sample.vertices], variance)
     monkeypatch.setattr(guided_sample, "reconstruct", lambda *_: made)
     found, energy = expected_everywhere(shipped_network(), sample, surface, few, 9)
     np.testing.assert_allclose(found, law, rtol=1e-4)

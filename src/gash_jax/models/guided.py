@@ -194,7 +194,8 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     rounds = [{"vertices": len(few.rays), "rays": int(few.rays.sum())}]
     if not few.share.any():  # zero is the formula, and no error is small beside it
         return few, bake.nothing()[1], {"rounds": rounds, "estimated_error": 0.0}
-    network, k, rebuilt = shipped_network(), bake.bands**2, None
+    network, k = shipped_network(), bake.bands**2
+    rebuilt, variance, energy = None, np.zeros(0), 0.0
     sample = make_sample(surface, bake.order)  # for the first look
     while rebuilt is None:
         if sample is not None:

@@ -29,9 +29,9 @@ SOFT, SOFT_SPREAD, SMALLEST = 0.003, 0.02, 1e-12
 
 
 class Sample(NamedTuple):
-    """A part of a surface: `index` its vertices with what is around them, `asked` the places among them of the part."""
+    """A part of a surface: `vertices` are its own with what is around them, `asked` the places among them of its own."""
 
-    index: Int[np.ndarray, "s"]
+    vertices: Int[np.ndarray, "s"]
     asked: Int[np.ndarray, "q"]
     surface: Surface
 
@@ -52,8 +52,8 @@ def make_sample(surface: Surface, order: Int[np.ndarray, "a"]) -> Sample | None:
     table = number[surface.table[:, index]]
     found = surface.found[:, index] & (table >= 0)
     table = np.where(found, table, np.arange(len(index), dtype=np.int32))
-    rows = (array[index] for array in (surface.places, surface.normals, surface.frames))
-    return Sample(index, number[chosen], Surface(*rows, table, found))
+    places, normals, frames = (array[index] for array in (surface.places, surface.normals, surface.frames))
+    return Sample(index, number[chosen], Surface(places, normals, frames, table, found))
 
 
 def expected_everywhere(
@@ -63,7 +63,7 @@ def expected_everywhere(
 
     All vertices have as many rays.
     """
-    index, asked = sample.index, sample.asked
+    index, asked = sample.vertices, sample.asked
     rebuilt = reconstruct(network, sample.surface, FewRays(few.rays[index], few.share[index], few.local[index]))
     known = np.maximum(rebuilt.variance[asked, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
     features, chosen = _features(surface, few), index[asked]

@@ -52,8 +52,8 @@ class Surface(NamedTuple):
     def unshadowed(self, bands: int) -> Float[np.ndarray, "a k"]:
         """Transfer without shadows: of many normals NumPy is as fast as anything, one component after the other."""
         factors = (clamped_cosine_coefficients(bands) / np.pi).astype(np.float32)
-        columns = np.ascontiguousarray(self.normals.T, np.float32)
-        return np.stack([f * c for f, c in zip(factors, sh_components(*columns, bands), strict=True)], axis=1)
+        x, y, z = np.ascontiguousarray(self.normals.T, np.float32)
+        return np.stack([f * c for f, c in zip(factors, sh_components(x, y, z, bands), strict=True)], axis=1)
 
 
 class Rebuilt(NamedTuple):
