@@ -29,7 +29,7 @@ SOFT, SOFT_SPREAD, SMALLEST = 0.003, 0.02, 1e-12
 
 
 class Sample(NamedTuple):
-    """A part of a surface: `vertices` are its own with what is around them, `asked` the places among them of its own."""
+    """A part of a surface: `vertices` are its own and those around them, `asked` the places among them of its own."""
 
     vertices: Int[np.ndarray, "s"]
     asked: Int[np.ndarray, "q"]
