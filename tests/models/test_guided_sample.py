@@ -35,13 +35,13 @@ def test_it_says_nearly_the_error_of_the_whole(index: int) -> None:
     variance, energy = expected_everywhere(shipped_network(), sample, surface, few, 9)
     whole = reconstruct(shipped_network(), surface, few)
     truth = np.maximum(whole.variance - LEAST, 0).sum(axis=1)
-    assert energy == pytest.approx(np.sum(whole.coefficients**2), rel=0.04)
     assert np.sqrt(variance.sum() / truth.sum()) == pytest.approx(1, abs=0.2)
     # vertex by vertex it says far more than that all are alike
     logs = np.log(truth + 1e-9)
     assert np.corrcoef(np.log(variance), logs)[0, 1] > 0.6
-    # what rays alone say has more energy, by that of their noise
-    assert np.sum(few.local**2) > 1.005 * energy
+    # what rays alone say has more energy, by that of their noise, of which most is taken out
+    right, noisy = (float(np.sum(values.astype(np.float64) ** 2)) for values in (whole.coefficients, few.local))
+    assert noisy > right and abs(energy - right) < 0.7 * (noisy - right)
 
 
 def test_known_errors_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
