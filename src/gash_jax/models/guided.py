@@ -46,6 +46,8 @@ from gash_jax.prt.visibility import visibility
 
 # of the error asked for: what rays are to bring the mesh to, and what is enough in a part, which may be a little off
 AIM, ENOUGH = 0.92, 0.95
+# from this error on the pilot is enough for most meshes, and all has to be looked at anyhow
+PILOT_MAY_DO = 0.06
 # how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
 # for, less than with many
 FIRST_RATE, RATE = 1.15, 1.45
@@ -196,7 +198,7 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
         return few, bake.nothing()[1], {"rounds": rounds, "estimated_error": 0.0}
     network, k = shipped_network(), bake.bands**2
     rebuilt, variance, energy = None, np.zeros(0), 0.0
-    sample = make_sample(surface, bake.order)  # for the first look
+    sample = make_sample(surface, bake.order) if error < PILOT_MAY_DO else None  # for the first look
     while rebuilt is None:
         if sample is not None:
             variance, energy = expected_everywhere(network, sample, surface, few, k)
