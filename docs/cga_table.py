@@ -26,6 +26,10 @@ def interval(values: np.ndarray) -> str:
     return f"{mean} ± {half:.3f}"
 
 
+def _shown_skill(row: dict[str, Any]) -> float:
+    return row["skill"]
+
+
 def _median_skill(row: dict[str, Any]) -> float:
     return float(np.median([value for value in row["meshes"].values() if isinstance(value, float)]))
 
@@ -38,11 +42,13 @@ def _cells(result: dict[str, Any]) -> dict[tuple[str, str], dict[int, dict[str, 
     return cells
 
 
-def seed_differences(result: dict[str, Any], form: str, encoding: str) -> str:
-    """By how much the skill on generated shapes differs from that of position and normal; - without common seeds."""
+def seed_differences(result: dict[str, Any], form: str, encoding: str, unseen: bool = False) -> str:
+    """By how much the skill on generated shapes, or the median one on unseen meshes, differs from that of position and
+    normal; - without common seeds."""
     cells = _cells(result)
     cell, plain = cells.get((form, encoding), {}), cells.get((form, "position-normal"), {})
-    gain = np.array([cell[seed]["skill"] - plain[seed]["skill"] for seed in sorted(set(cell) & set(plain))])
+    measure = _median_skill if unseen else _shown_skill
+    gain = np.array([measure(cell[seed]) - measure(plain[seed]) for seed in sorted(set(cell) & set(plain))])
     return interval(gain) if gain.size else "-"
 
 
@@ -57,7 +63,7 @@ def encodings(result: dict[str, Any]) -> str:
         cells = [FORMS[form], ENCODINGS[encoding], str(next(iter(cell.values()))["parameters"])]
         cells += [f"{np.mean([row['steps'] for row in cell.values()]):.0f}", str(len(cell))]
         common = sorted(set(cell) & set(plain))
-        for measure in (lambda row: row["skill"], _median_skill):
+        for measure in (_shown_skill, _median_skill):
             cells.append(interval(np.array([measure(row) for row in cell.values()])))
             gain = np.array([measure(cell[seed]) - measure(plain[seed]) for seed in common])
             cells.append("" if encoding == "position-normal" or not common else interval(gain))

@@ -110,11 +110,12 @@ def published(results: Results) -> str:
 
 def encodings(results: Results) -> str:
     """Motors as input."""
-    in_world = seed_differences(results["cga"], "gnn", "motor")
-    in_frame = seed_differences(results["cga"], "rings", "relative-motor")
+    result = results["cga"]
+    shown, elsewhere = (seed_differences(result, "gnn", "motor", unseen) for unseen in (False, True))
     return (
         "**A motor says no more to a network than position and normal.** In the published form it changes the skill by "
-        f"{in_world}; relative motors in frames that turn with the mesh change it by {in_frame}. Frame and form count "
+        f"{shown} on generated shapes and by {elsewhere} on meshes from elsewhere; relative motors in frames that turn "
+        f"with the mesh change it by {seed_differences(result, 'rings', 'relative-motor')}. Frame and features count "
         "for more than the algebra ([below](#what-should-a-vertex-be-told-as))."
     )
 

@@ -36,3 +36,16 @@ def deforming_table(result: dict[str, Any]) -> str:
     told += [f"Seed {result['seed']}; {origin(result)}."]
     table_of = table(["method", *(name for name, _, _ in shown)], lines)
     return "\n".join([table_of, "", *told])
+
+
+def image_step_table(result: dict[str, Any]) -> str:
+    """One training step of the U-Net at its shipped sizes."""
+    header = ["config", "images", "parameters", "frames", "seconds a step", "GFLOP", "memory, MB", "slope / gradient²"]
+    header += [f"loss of the batch, steps 1 to {result['arguments']['steps']}"]
+    rows = []
+    for row in result["rows"]:
+        cells = [f"`{row['config']}`", f"{row['size']}²", str(row["parameters"]), str(row["frames"])]
+        cells += [f"{row['seconds']:.2f}", f"{row['flops'] / 1e9:.1f}", f"{row['bytes'] / 1e6:.0f}"]
+        cells += [f"{row['slope_over_gradient']:.3f}", ", ".join(f"{loss:.3f}" for loss in row["losses"])]
+        rows.append(cells)
+    return f"{table(header, rows)}\n\n{origin(result)}, JAX on {result['machine']['device']}, seed {result['seed']}."

@@ -24,7 +24,7 @@ from docs import (
     trial_tables,
 )
 from docs.baking_tables import origin
-from docs.deforming_tables import deforming_table
+from docs.deforming_tables import deforming_table, image_step_table
 from docs.model_tables import stage_tables
 
 ROOT = Path(__file__).parents[1]
@@ -131,6 +131,7 @@ TABLES = (
     Table("docs/service.md", "SERVICE LOAD", service_tables.load_table, "service.json"),
     Table("docs/light.md", "TEXTURES", texture_tables.texture_table, "textures.json"),
     Table("docs/deforming.md", "DEFORMING", deforming_table, "deforming.json"),
+    Table("docs/deforming.md", "IMAGE STEP", image_step_table, "image_step.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
     Table("docs/model_file.md", "RUNTIMES", runtime_tables.runtime_table, "runtimes.json"),
     *(Table("docs/model_file.md", name, render, "model_example.json") for name, render in stage_tables()),
