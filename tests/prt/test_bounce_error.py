@@ -5,12 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gash_jax.geometry.mesh import concatenate
 from gash_jax.measure.metrics import relrmse
 from gash_jax.models.guided import bake_to_error
 from gash_jax.prt import bounce_error
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.bounce_error import bake_bounces_to_error
-from gash_jax.shapes.primitives import bumpy_sphere, icosphere, spherical_bowl
+from gash_jax.shapes.primitives import bumpy_sphere, icosphere, patch, spherical_bowl
 
 BOWL = spherical_bowl(np.radians(60), 8)
 BUMPY = bumpy_sphere(8)
@@ -58,13 +59,23 @@ def test_brighter_walls_need_more_bounces_and_smaller_errors_more_rays() -> None
     assert rays[0] < rays[1]
 
 
-@pytest.mark.parametrize(
-    ("added", "left"), [([8.0, 4.0, 2.0], 2.0), ([1.0, 0.1], 0.1 / 9), ([1.0, 0.0], 0.0), ([0.0, 0.0], 0.0)]
-)
-def test_the_remainder_by_hand(added: list[float], left: float) -> None:
-    """8 + 4 + 2 + 1 + 1/2 ...: after 2 another 2."""
-    assert bounce_error._remainder(added) == pytest.approx(left)
-    assert bounce_error._remainder([1.0, 1.0]) == bounce_error._remainder([0.0, 1.0]) == np.inf
+def test_the_remainder_by_hand() -> None:
+    """8 + 4 + 2 + 1 + 1/2 ...: after 2 another 2; after the first bounce the largest albedo says how much."""
+    assert bounce_error._remainder([8.0, 4.0, 2.0], 0.9) == pytest.approx(2)
+    assert bounce_error._remainder([8.0, 4.0], 0.75) == pytest.approx(12)
+    assert bounce_error._remainder([8.0, 0.0], 0.75) == bounce_error._remainder([0.0, 0.0], 1.0) == 0
+    assert bounce_error._remainder([8.0, 1.0, 1.0], 0.9) == bounce_error._remainder([8.0, 1.0], 1.0) == np.inf
+
+
+def test_a_small_bright_cavity_beside_much_open_ground() -> None:
+    """Its first bounce is little beside the light of the sky, and far from the last that counts."""
+    far = BOWL._replace(vertices=BOWL.vertices + np.array([0, 40, 0], np.float32))
+    ground = patch(np.array([-10.0, 0, -10]), np.array([0, 0, 20.0]), np.array([20.0, 0, 0]), 30)
+    both = concatenate([far, ground])
+    found = bake_bounces_to_error(both, 0.01, bounces=40, albedo=0.9)
+    reference = bake_transfer(both, rays=4096, bounces=40, albedo=0.9, seed=91).coefficients
+    error = relrmse(found.coefficients, reference)
+    assert error is not None and error < 0.012 and found.metadata["counted_bounces"] > 3
 
 
 def test_nothing_to_bounce_off_and_no_light() -> None:

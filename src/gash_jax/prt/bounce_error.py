@@ -1,9 +1,10 @@
 """Light that bounces, to an error: how often it has to bounce, and how many rays that takes.
 
 A pilot of few rays for every vertex tells both. Its bounces are added one by one: with d_n the RMS of what bounce n
-adds, and q = d_n / d_(n-1), all further ones add about d_n q / (1 - q), as bounces fall like a geometric series as soon
-as light has spread. Bounces end where that is at most `LEFT_OUT` of the error asked for, at the latest with the number
-that is given: light that bounces more often is not asked for then, and no error.
+adds, and q = d_n / d_(n-1), all further ones add about d_n q / (1 - q), as bounces fall like a geometric series once
+light has spread. The first bounce says nothing of that, since it is compared with light from the open sky: there q is
+the largest albedo, as no bounce sends back more. Bounces end where the rest is at most `LEFT_OUT` of the error asked
+for, at the latest with the number that is given: light that bounces more often is not asked for then, and no error.
 
 The standard errors of the pilot say how many rays bring the noise below the rest of the error. The bake is then that of
 `bake_transfer` with so many rays and bounces; where its own standard errors say more than was asked for, it is done
@@ -126,7 +127,7 @@ def _look(mesh: Any, bands: int, albedo: Any, most: int, error: float, seed: int
     while left > enough and len(added) <= most:
         following = exchange.bounce(found, colours)
         added.append(_rms(following[job.part] - found[job.part]))
-        found, left = following, _remainder(added)
+        found, left = following, _remainder(added, float(colours.max()))
         enough = LEFT_OUT * error * _rms(found[job.part])
     replicas = found[job.part]
     mean = replicas.mean(1)
@@ -141,11 +142,11 @@ def _rms(replicas: Float[np.ndarray, "p r k _"]) -> float:
     return float(np.sqrt(np.mean(replicas.mean(1, dtype=np.float64) ** 2)))
 
 
-def _remainder(added: Sequence[float]) -> float:
-    """What all bounces after the last one add, by the ratio of the last two."""
+def _remainder(added: Sequence[float], brightest: float) -> float:
+    """What all bounces after the last one add (module docstring); `added` begins with the light that did not bounce."""
     if not added[-1]:
         return 0.0
-    ratio = added[-1] / added[-2] if added[-2] else math.inf
+    ratio = added[-1] / added[-2] if len(added) > 2 else brightest
     return added[-1] * ratio / (1 - ratio) if ratio < 1 else math.inf
 
 
