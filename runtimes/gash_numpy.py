@@ -307,9 +307,11 @@ def outward_faces(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) 
 
 def surface_axes(points: np.ndarray, faces: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Principal axes of the surface as columns, each towards its heavier tail; `area` in any unit."""
-    middles = (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]).astype(np.float64) / 3
-    offsets = middles - area @ middles / max(area.sum(), np.finfo(float).tiny)
-    moments, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    corners = [points[faces[:, i]] for i in range(3)]
+    offsets, moments, axes = second_moments((corners[0] + corners[1] + corners[2]).astype(np.float64) / 3, area)
+    if moments[1] <= 1e-12 * moments[2]:  # the middles lie on a line: corners stand for them
+        area = np.tile(area / 3, 3)
+        offsets, moments, axes = second_moments(np.concatenate(corners).astype(np.float64), area)
     equal = np.diff(moments) < 1e-3 * moments[2]
     if equal.all():
         axes = towards_farthest(offsets, axes)
@@ -318,7 +320,18 @@ def surface_axes(points: np.ndarray, faces: np.ndarray, area: np.ndarray) -> np.
     local = offsets @ axes
     cubes = local * local * local
     tail, reach = area @ cubes, local.max(axis=0, initial=0) + local.min(axis=0, initial=0)
-    return axes * np.where(np.where(np.abs(tail) < 1e-3 * (area @ np.abs(cubes)), reach, tail) < 0, -1, 1)
+    axes = axes * np.where(np.where(np.abs(tail) < 1e-3 * (area @ np.abs(cubes)), reach, tail) < 0, -1, 1)
+    thickness = np.abs(local).max(axis=0, initial=0)
+    flat = np.flatnonzero(thickness <= 1e-6 * thickness.max())[:1]
+    axes[:, flat] *= np.sign(np.linalg.det(axes))  # of what lies in a plane they are right-handed
+    return axes
+
+
+def second_moments(points: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets of points from their mean, and the principal moments with their axes."""
+    offsets = points - area @ points / max(area.sum(), np.finfo(float).tiny)
+    moments, axes = np.linalg.eigh((offsets * area[:, None]).T @ offsets)
+    return offsets, moments, axes
 
 
 def towards_farthest(offsets: np.ndarray, axes: np.ndarray) -> np.ndarray:

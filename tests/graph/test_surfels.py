@@ -246,6 +246,16 @@ def test_an_even_body_looks_where_it_reaches_farther() -> None:
     np.testing.assert_allclose(abs(along[2]), 0.4, atol=1e-4)
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_axes_of_one_face_and_of_two_turn_with_them(count: int) -> None:
+    """The middles of two faces lie on a line, and what is across it is rounding: corners say where the faces look."""
+    positions = np.array([[0, 0, 0], [3, 0.3, 0], [2.5, 1.7, 0.2], [-0.4, 1, 0.9]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)[:count]
+    rotation = random_rotation(4)
+    turned = (positions.astype(np.float64) @ rotation.T).astype(np.float32)
+    np.testing.assert_allclose(_axes(turned, faces), rotation @ _axes(positions, faces), atol=1e-4)
+
+
 def test_codes_by_hand() -> None:
     positions = np.array([[0, -1, -1], [-1, 0, -1], [-1, -1, 1], [-1, -1, -0.998]], np.float32)
     normals = np.array([[1, 0, 0], [-1, 1, 1], [0, 0, 0], [0, 0, 1]], np.float32)

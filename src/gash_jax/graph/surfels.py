@@ -30,6 +30,9 @@ CURVE_BITS = 30
 INDEX_BITS = 30
 # relative: moments closer to each other count as equal, smaller third moments as none
 EQUAL = 1e-3
+# relative: faces whose middles have no larger second moment lie on a line; their corners do not
+COLLINEAR = 1e-12
+FLAT = 1e-6  # relative: a surface that reaches no farther across a plane lies in it
 
 
 class SurfelTree(NamedTuple):
@@ -103,12 +106,14 @@ def surface_axes(
     """Principal axes of the surface as columns, each towards its heavier tail: they turn with the mesh.
 
     A body of threefold or higher symmetry has equal moments, and no principal axes: there the last of them points to
-    the farthest face. What is too even to have a heavier tail looks where it reaches farther.
+    the farthest face. What is too even to have a heavier tail looks where it reaches farther. Where the middles of the
+    faces lie on a line, as those of two faces do, their corners stand for them.
     """
-    first, second, third = (np.take(np.asarray(positions, np.float32), faces[:, i], axis=0) for i in range(3))
-    middles = (first + second + third).astype(np.float64) / 3
-    offsets = middles - long_product(area, middles) / max(area.sum(), np.finfo(float).tiny)
-    moments, axes = np.linalg.eigh(long_product((offsets * area[:, None]).T, offsets))
+    corners = [np.take(np.asarray(positions, np.float32), faces[:, i], axis=0) for i in range(3)]
+    offsets, moments, axes = _moments((corners[0] + corners[1] + corners[2]).astype(np.float64) / 3, area)
+    if moments[1] <= COLLINEAR * moments[2]:  # across a line of middles there is nothing but rounding
+        area = np.tile(area / 3, 3)
+        offsets, moments, axes = _moments(np.concatenate(corners).astype(np.float64), area)
     equal = np.diff(moments) < EQUAL * moments[2]
     if equal.all():
         axes = _towards_farthest(offsets, axes)
@@ -117,7 +122,18 @@ def surface_axes(
     local = np.concatenate([offsets[i : i + SHORT] @ axes for i in range(0, max(len(offsets), 1), SHORT)])
     cubes = local * local * local
     tail, reach = long_product(area, cubes), local.max(axis=0, initial=0) + local.min(axis=0, initial=0)
-    return axes * np.where(np.where(np.abs(tail) < EQUAL * long_product(area, np.abs(cubes)), reach, tail) < 0, -1, 1)
+    axes = axes * np.where(np.where(np.abs(tail) < EQUAL * long_product(area, np.abs(cubes)), reach, tail) < 0, -1, 1)
+    thickness = np.abs(local).max(axis=0, initial=0)
+    flat = np.flatnonzero(thickness <= FLAT * thickness.max())[:1]
+    axes[:, flat] *= np.sign(np.linalg.det(axes))  # across a plane there are no sides: the axes are right-handed there
+    return axes
+
+
+def _moments(points: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets of points from their mean, weighted by area, and the principal moments with their axes."""
+    offsets = points - long_product(area, points) / max(area.sum(), np.finfo(float).tiny)
+    moments, axes = np.linalg.eigh(long_product((offsets * area[:, None]).T, offsets))
+    return offsets, moments, axes
 
 
 def _towards_farthest(offsets: np.ndarray, axes: np.ndarray) -> np.ndarray:
