@@ -43,7 +43,7 @@ PILOT, REPLICATES, STEP = 32, 4, 16  # rays of the pilot; rows they are split in
 LEFT_OUT = 0.3  # of the error, for bounces that are not counted
 NOISE = math.sqrt(1 - LEFT_OUT**2)
 AIM = 0.93  # of what noise may be
-RATE = 1.2  # as N^-RATE variance is expected to fall with N rays
+RATE = 1.5  # as N^-RATE variance is expected to fall with N rays
 
 
 class _Pilot(NamedTuple):
