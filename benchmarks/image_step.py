@@ -33,7 +33,7 @@ from gash_jax.train.step import make_optimizer
 
 CONFIGS = ("deep-prt-small", "deep-prt")
 STEPS = 3
-ALONG = 1e-3  # of the parameters' length: how far the difference quotient goes
+ALONG = 1e-4  # of the parameters' length: how far the difference quotient goes
 
 
 def batch_of(config: UNetConfig, frames: int, detail: int) -> Images:
@@ -57,7 +57,7 @@ def slope_over_gradient(config: UNetConfig, state: Any, inputs: jax.Array, targe
         return float(sum(np.sum(np.asarray(leaf, np.float64) ** 2) for leaf in jax.tree.leaves(tree))) ** 0.5
 
     gradient = jax.grad(loss)(state.params)
-    step = ALONG * length(state.params) / length(gradient) / 10
+    step = ALONG * length(state.params) / length(gradient)
 
     def moved(by: float) -> float:
         return float(loss(jax.tree.map(lambda p, g: p + by * g, state.params, gradient)))

@@ -9,8 +9,8 @@ shares of free rays of the vertex and its neighbours, which all vertices have:
 
 m and o are p (1 - p) for the mean share p of a vertex and its neighbours and for its own, s is how far the shares of
 the neighbours lie apart; a to d are fitted to the part by least squares, then scaled so that it has the sum it has.
-It holds as long as all vertices have as many rays. On meshes of 2500 to 173 000 vertices the error of all then comes
-out within some tenth of what the reconstruction of all says.
+It holds as long as all vertices have as many rays. The error of all then comes out within a fifth of what the
+reconstruction of all says (test).
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """Rays by NVIDIA Warp's mesh queries, on a GPU where JAX has one: the only file that imports it.
 
 https://github.com/NVIDIA/warp, an extra, called through its JAX interface on the first device of JAX. On a CPU it gives
-the same answers many times slower than Embree. How fast it is on a GPU was not measured.
+the same answers several times slower than Embree. How fast it is on a GPU was not measured.
 """
 
 from collections.abc import Callable
