@@ -10,14 +10,23 @@ COLUMNS = (
     ("relrmse", "relrmse", ".4f"),
     ("accuracy", "accuracy", ".4f"),
     ("L1", "l1", ".4f"),
+    ("SSIM", "ssim", ".4f"),
     ("skill", "skill", ".4f"),
+    ("worth, rays", "equivalent_rays", ".0f"),
+    ("flicker", "flicker", ".4f"),
     ("MB", "megabytes", ".1f"),
     ("compression", "compression", ".0f"),
     ("fit, CPU s", "fit_cpu_seconds", ".0f"),
     ("ms a frame", "model_ms", ".1f"),
     ("CPU ms", "model_cpu_ms", ".1f"),
     ("normals ms", "normals_ms", ".1f"),
+    ("a bake as good, ms", "bake_ms", ".0f"),
 )
+
+
+def _cell(row: dict[str, Any], key: str, form: str) -> str:
+    value = row.get(key, "")
+    return value if isinstance(value, str) else format(value, form)
 
 
 def deforming_table(result: dict[str, Any]) -> str:
@@ -27,12 +36,11 @@ def deforming_table(result: dict[str, Any]) -> str:
         if "bytes" in row:
             row |= {"megabytes": row["bytes"] / 1e6, "compression": result["coefficient_bytes"] / row["bytes"]}
     shown = [column for column in COLUMNS if any(column[1] in row for row in rows)]
-    lines = [[row["method"], *(format(row[key], form) if key in row else "" for _, key, form in shown)] for row in rows]
+    lines = [[row["method"], *(_cell(row, key, form) for _, key, form in shown)] for row in rows]
     asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
-    told = [f"{result['name']}, {result['vertices']} vertices, {asked['bands']} bands, random sparse expressions."]
+    told = [f"{result['name']}, {result['vertices']} vertices, {asked['bands']} bands; {result['poses']}."]
     told += [f"{asked['frames']} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;"]
     told += [f"{asked['test_frames']} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}."]
-    told += ["Compression: the training frames' coefficients in float16 over the model's file, in bytes."]
     told += [f"Seed {result['seed']}; {origin(result)}."]
     table_of = table(["method", *(name for name, _, _ in shown)], lines)
     return "\n".join([table_of, "", *told])

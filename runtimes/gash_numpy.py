@@ -804,10 +804,15 @@ def predict_pose(model: Model, positions: np.ndarray, normals: np.ndarray) -> np
     pose = np.clip(apart.reshape(-1) @ a["pose/matrix"], a["pose/low"], a["pose/high"])
     if model.config["name"] == "momo-prt":
         return a["mean"] + np.tensordot((pose - a["middle"]) @ a["weights"], a["basis"], axes=1)
-    square = ((a["relevance"][:, None] * (pose - a["poses"])) ** 2).sum(axis=2)
+    square = (((pose - a["poses"]) @ a["relevance"]) ** 2).sum(axis=2)
     far = np.sqrt(3 * np.maximum(square, 1e-12)) / 4
-    scores = np.einsum("qt,qtr->qr", (1 + far) * np.exp(-far), a["weights"])
-    local = a["mean"] + np.einsum("vkr,vr->vk", a["basis"], scores[a["patch"].astype(int)])
+    kernel, rows, level = (1 + far) * np.exp(-far), a["mean"].astype(np.float32), 0
+    while f"basis/{level}" in a:
+        basis, weights = a[f"basis/{level}"], a[f"weights/{level}"]
+        scores = np.einsum("qt,qtr->qr", kernel[: len(weights)], weights)[a["patch"][: len(basis)].astype(int)]
+        rows[: len(basis)] += np.einsum("vkr,vr->vk", basis, scores)
+        level += 1
+    local = rows[a["row"].astype(int)]
     edge = positions[a["neighbour"].astype(int)] - positions
     across = edge - (edge * normals).sum(axis=1, keepdims=True) * normals
     length = np.linalg.norm(across, axis=1, keepdims=True)

@@ -1,15 +1,17 @@
 """Models of one object that deforms beside what is simpler, and beside baking: error, bytes, milliseconds a frame.
 
-    .venv/bin/python -m experiments.deforming.run --animation ict_face_expressions.npz --vertices 0:11248 \
-        --name "ICT face" --output FILE.json
+    .venv/bin/python -m experiments.deforming.run --object face --animation ict_face_expressions.npz \
+        --vertices 0:11248 --also deep-prt-small=RUN --output docs/results/deforming_face.json
+    .venv/bin/python -m experiments.deforming.run --object cloth --output docs/results/deforming_cloth.json
 
-All are fitted to the same frames and held against the same test frames, random sparse expressions (1 to 8 shapes at
-weights U(0, 1)) of other seeds. *PCA floor*: the best that any model can do whose coefficients are the mean and so
-many components of those of the training frames. `deform` is fitted once, and cut to fewer numbers of a patch's pose.
-Without --animation a generated body with bumps, small.
+`experiments.deforming.objects` lists the objects. All models are fitted to the same frames and held against the same
+test frames. *PCA floor*: the best that any model can do whose coefficients are the mean and so many components of those
+of the training frames. `deform` is fitted once, and cut to fewer numbers of a patch's pose. `local` is the shipped
+network with its graph kept, which knows 3 bands: its row is about those.
 """
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,60 +19,47 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.options import parser, saved
+from experiments.deforming.objects import OBJECTS, object_file, path_between
+from experiments.deforming.yardstick import Frames, Say, Yardstick, frames_of
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.measure.deforming import SequenceScores, coefficient_ranges
+from gash_jax.measure.deforming import coefficient_ranges
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed_on_both_clocks
+from gash_jax.models.deforming import deforming_predictor
 from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.deforming_model import load_deforming_model, save_deforming_model
+from gash_jax.models.deforming_model import (
+    DeformingModel,
+    deforming_model_file,
+    is_deforming,
+    load_deforming_model,
+    save_deforming_model,
+)
+from gash_jax.models.model import load_model
 from gash_jax.models.training_poses import TrainingPoses
-from gash_jax.prt.sequence import bake_pose, posed_meshes
-from gash_jax.shapes.deformations import blendshape_animation
-from gash_jax.shapes.primitives import bumpy_sphere
+from gash_jax.prt.sequence import MovingScene, bake_pose
 from gash_jax.train.config import RunConfig, load_config
 from gash_jax.train.deforming_run import split_animation
 from gash_jax.train.truth import Truth, bake_truth
 
-RANKS, COMPONENTS, RAYS, BAKED = (8, 16, 24, 48), (20, 40, 80, 160), (64, 128, 256), 10
+RANKS, COMPONENTS, RAYS, BANDS = (8, 16, 24, 48), (20, 40, 80, 160), (32, 64, 128, 256, 512), 4
+STEADY = 64  # rays of the bake whose flicker is measured
 
 
-def generated(folder: Path) -> Path:
-    """A body with bumps as a file of blendshapes."""
-    folder.mkdir(parents=True, exist_ok=True)
-    moving, path = blendshape_animation(bumpy_sphere(8), 0, 2, 8), folder / "bumps.npz"
-    motion: Any = moving.motion
-    np.savez(path, base=motion.rest, delta=motion.deltas, faces=moving.mesh.faces, names=np.array(moving.names))
-    return path
-
-
-def scored(test: Truth, ranges: np.ndarray, estimates: Any) -> dict[str, float]:
-    """Scores of the estimates of as many test frames as there are."""
-    scores, references = SequenceScores(ranges), (frame for shard in test.shards() for frame in shard)
-    for mesh, reference, estimate in zip(posed_meshes(test.scene.receivers), references, estimates, strict=False):
-        scores.add(np.asarray(estimate), reference, mesh.normals)
-    return scores.scores()
-
-
-def floors(training: Float[np.ndarray, "t v k"], test: Truth, ranges: np.ndarray) -> list[dict[str, Any]]:
+def floors(training: Float[np.ndarray, "t v k"], test: Frames, yardstick: Yardstick) -> list[dict[str, Any]]:
     """The mean of the training frames, and the floors of their principal components."""
-    flat = training.reshape(len(training), -1).astype(np.float32)
+    flat, references = training.reshape(len(training), -1).astype(np.float32), np.stack(test.references)
     mean = flat.mean(axis=0)
     flat -= mean
     values, vectors = np.linalg.eigh((flat @ flat.T).astype(np.float64))
     order = np.argsort(-values)
-    rows = [
-        {
-            "method": "mean of the training frames",
-            **scored(test, ranges, [mean.reshape(training.shape[1:])] * len(test)),
-        }
-    ]
-    told = test.coefficients().astype(np.float32).reshape(len(test), -1) - mean
+    still = [mean.reshape(training.shape[1:])] * len(references)
+    rows = [{"method": "mean of the training frames", **yardstick.scores(still)}]
+    told = references.reshape(len(references), -1) - mean
     for count in [count for count in COMPONENTS if count < len(training)]:
         kept = order[:count]
         basis = (vectors[:, kept] / np.sqrt(np.maximum(values[kept], 1e-30))).T.astype(np.float32) @ flat
-        found = (told @ basis.T) @ basis + mean
-        frames = found.reshape(len(test), *training.shape[1:])
-        rows.append({"method": f"PCA floor, {count} components", **scored(test, ranges, frames)})
+        found = ((told @ basis.T) @ basis + mean).reshape(references.shape)
+        rows.append({"method": f"PCA floor, {count} components", **yardstick.scores(list(found))})
     return rows
 
 
@@ -81,79 +70,125 @@ def fitted(config: RunConfig, poses: TrainingPoses) -> tuple[dict[str, Any], flo
     return fit(config.model, poses), time.process_time() - started
 
 
-def model_row(
-    name: str, config: RunConfig, arrays: dict[str, Any], mesh: Mesh, test: Truth, ranges: np.ndarray, folder: Path
-) -> dict[str, Any]:
-    """Scores, size and speed of a model."""
-    path = folder / "model.npz"
-    save_deforming_model(path, config.model, arrays, mesh)
-    model = load_deforming_model(path)
-    frames = [model(positions) for positions in test.scene.receivers.frames()]
-    positions = test.scene.receivers.frame(0)
-    pose = model.pose(positions)
-    _, normals = timed_on_both_clocks(lambda: model.pose(positions))
-    _, network = timed_on_both_clocks(lambda: model.coefficients(pose), 9)
-    times = {"normals_ms": 1e3 * normals.wall, "model_ms": 1e3 * network.wall, "model_cpu_ms": 1e3 * network.cpu}
-    return {"method": name, **scored(test, ranges, frames), "bytes": path.stat().st_size, **times}
+def method_row(name: str, say: Say, test: Frames, yardstick: Yardstick) -> dict[str, Any]:
+    """Scores and milliseconds a frame of what says the coefficients of a pose."""
+    estimates = [np.asarray(say(mesh)) for mesh in test.meshes]
+    _, spent = timed_on_both_clocks(lambda: say(test.meshes[0]), 9)
+    times = {"model_ms": 1e3 * spent.wall, "model_cpu_ms": 1e3 * spent.cpu}
+    return {"method": name, **yardstick.scores(estimates), **yardstick.flicker(say), **times}
 
 
-def bake_rows(test: Truth, ranges: np.ndarray) -> list[dict[str, Any]]:
-    """Bakes of few rays on the first test frames."""
-    rows, scene = [], test.scene
-    meshes = list(posed_meshes(scene.animation, 0, BAKED))
+def model_row(name: str, model: DeformingModel, path: Path, test: Frames, yardstick: Yardstick) -> dict[str, Any]:
+    """The row of a model of this object; normals are timed apart."""
+    row = method_row(name, model.coefficients, test, yardstick)
+    _, normals = timed_on_both_clocks(lambda: model.pose(test.meshes[0].vertices), 9)
+    return {**row, "bytes": path.stat().st_size, "normals_ms": 1e3 * normals.wall}
+
+
+def bake_rows(test: Frames, rows: slice, yardsticks: Sequence[Yardstick]) -> list[dict[str, Any]]:
+    """Plain bakes of few rays; they are the curve of the yardsticks, of which the first makes the rows."""
+    found = []
     for rays in RAYS:
         started = time.process_time(), time.perf_counter()
-        frames = [bake_pose(mesh, scene.rows, test.bands, rays, 1000 + number) for number, mesh in enumerate(meshes)]
+        frames = [bake_pose(mesh, rows, BANDS, rays, 1000 + number) for number, mesh in enumerate(test.meshes)]
         cpu, wall = (
             clock() - start for clock, start in zip((time.process_time, time.perf_counter), started, strict=True)
         )
-        times = {"model_ms": 1e3 * wall / len(meshes), "model_cpu_ms": 1e3 * cpu / len(meshes)}
-        rows.append({"method": f"bake, {rays} rays", **scored(test, ranges, frames), **times})
+        times = {"model_ms": 1e3 * wall / len(frames), "model_cpu_ms": 1e3 * cpu / len(frames)}
+        both = [{**yardstick.scores(frames), **times} for yardstick in yardsticks]
+        for yardstick, row in zip(yardsticks, both, strict=True):
+            yardstick.add_bake(rays, row)
+        steady = (
+            yardsticks[0].flicker(lambda mesh, n=rays: bake_pose(mesh, rows, BANDS, n, 0)) if rays == STEADY else {}
+        )
+        found.append({"method": f"bake, {rays} rays", **both[0], **steady})
+    return found
+
+
+def fitted_rows(
+    configs: Sequence[RunConfig], poses: TrainingPoses, mesh: Mesh, test: Frames, yardstick: Yardstick, folder: Path
+) -> list[dict[str, Any]]:
+    """`momo-prt`, and `deform` cut to every rank."""
+    rows, path = [], folder / "model.npz"
+    for config in configs:
+        arrays, seconds = fitted(config, poses)
+        ours = config.model.name == "deform"
+        for rank in RANKS if ours else (None,):
+            cut = {key: array[..., :rank] if key in ("basis", "weights") else array for key, array in arrays.items()}
+            save_deforming_model(path, config.model, cut if ours else arrays, mesh)
+            name = f"deform, {rank} numbers" if ours else config.model.name
+            row = model_row(name, load_deforming_model(path), path, test, yardstick)
+            rows.append({**row, "fit_cpu_seconds": seconds})
     return rows
 
 
+def other_rows(also: Sequence[str], test: Frames, whole: Yardstick, three: Yardstick) -> list[dict[str, Any]]:
+    """The shipped `local`, and models that were trained before: NAME=RUN each."""
+    rows = []
+    for text in ("local=local", *also):
+        name, _, place = text.partition("=")
+        path = None if place == "local" else deforming_model_file(place)
+        if path is not None and is_deforming(path):
+            rows.append(model_row(name, load_deforming_model(path), path, test, whole))
+        else:
+            predict = deforming_predictor(load_model(place), test.meshes[0])
+            row = method_row(f"{name}, 3 bands", lambda mesh, p=predict: p(mesh.vertices)[0], test, three)
+            rows.append(row | three.against_bakes(row["relrmse"]))
+    return rows
+
+
+def in_time(test: Truth, follow: bool, rays: int) -> Frames | None:
+    """Frames that follow one another: the test frames, a path between them, or none where there is no path."""
+    if follow:
+        return frames_of(test)
+    if not len(test.scene.animation.shape_weights[0]):
+        return None
+    path = MovingScene(path_between(test.scene.animation), test.scene.rows)
+    return frames_of(bake_truth(path, BANDS, rays))
+
+
 def main(
+    object: str,
     animation: Path | None,
     vertices: str,
-    name: str,
     frames: int,
     test_frames: int,
     rays: int,
     test_rays: int,
+    also: Sequence[str],
     work: Path,
     output: Path | None,
 ) -> dict[str, Any]:
     """Fit and measure everything on one object."""
-    path = generated(work) if animation is None else animation
-    data = [f"data.animation={path}", f'data.vertices="{vertices}"', f"data.frames={frames}"]
-    data += [f"data.test_frames={test_frames}", f"data.rays={rays}", f"data.test_rays={test_rays}"]
-    linear, ours = load_config("momo-prt", data), load_config("deform", [*data, f"model.rank={max(RANKS)}"])
-    split = split_animation(ours.data)
-    truth, test = bake_truth(split.training, 4, rays), bake_truth(split.test, 4, test_rays)
+    data = [f"data.animation={object_file(object, animation, work)}", f'data.vertices="{vertices}"']
+    data += [f"data.frames={frames}", f"data.test_frames={test_frames}"]
+    configs = [load_config("momo-prt", data), load_config("deform", [*data, f"model.rank={max(RANKS)}"])]
+    split = split_animation(configs[0].data)
+    truth, test_truth = bake_truth(split.training, BANDS, rays), bake_truth(split.test, BANDS, test_rays)
     poses, mesh = TrainingPoses(split.training.receivers, truth.shards()), split.training.receivers.mesh
-    ranges = coefficient_ranges(poses.shards)
+    ranges, test = coefficient_ranges(poses.shards), frames_of(test_truth)
+    along = in_time(test_truth, OBJECTS[object].follow, test_rays)
+    whole, three = (Yardstick(test, along, ranges, bands) for bands in (BANDS, 3))
     work.mkdir(parents=True, exist_ok=True)
-    rows = floors(truth.coefficients(), test, ranges)
-    arrays, seconds = fitted(linear, poses)
-    rows.append({**model_row("momo-prt", linear, arrays, mesh, test, ranges, work), "fit_cpu_seconds": seconds})
-    arrays, seconds = fitted(ours, poses)
-    for rank in RANKS:
-        cut = {**arrays, "basis": arrays["basis"][..., :rank], "weights": arrays["weights"][..., :rank]}
-        row = model_row(f"deform, {rank} numbers", ours, cut, mesh, test, ranges, work)
-        rows.append({**row, "fit_cpu_seconds": seconds})
-    rows += bake_rows(test, ranges)
-    arguments = {"frames": frames, "test_frames": test_frames, "rays": rays, "test_rays": test_rays, "bands": 4}
-    baked = {"training": truth.cpu_seconds, "test": test.cpu_seconds}
-    sizes = {"name": name, "vertices": len(mesh.vertices), "coefficient_bytes": 2 * len(mesh.vertices) * 16 * frames}
-    result = {**provenance(seed=0, arguments=arguments), **sizes, "cpu_seconds_a_baked_frame": baked, "rows": rows}
-    return saved(output, result)
+    bakes = bake_rows(test, split.test.rows, (whole, three))
+    rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(configs, poses, mesh, test, whole, work)]
+    rows = [row | whole.against_bakes(row["relrmse"]) for row in rows] + other_rows(also, test, whole, three)
+    arguments = {"frames": len(truth), "test_frames": len(test.meshes), "rays": rays, "test_rays": test_rays}
+    baked = {"training": truth.cpu_seconds, "test": test_truth.cpu_seconds}
+    sizes = {"name": OBJECTS[object].title, "poses": OBJECTS[object].poses, "vertices": len(mesh.vertices)}
+    sizes["coefficient_bytes"] = 2 * len(mesh.vertices) * BANDS**2 * len(truth)
+    told = {**sizes, "cpu_seconds_a_baked_frame": baked, "rows": rows + bakes}
+    return saved(output, {**provenance(seed=0, arguments={**arguments, "bands": BANDS}), **told})
 
 
 if __name__ == "__main__":
     asked = parser(__doc__, "output")
-    asked.add_argument("--animation", type=Path, help="blendshapes (.npz)")
+    asked.add_argument("--object", choices=OBJECTS, default="bumps")
+    asked.add_argument("--animation", type=Path, help="its file, where it is not generated")
     asked.add_argument("--vertices", default="", help="part of it, FIRST:LAST")
-    asked.add_argument("--name", default="generated", help="what the object is called in the table")
+    asked.add_argument(
+        "--also", action="append", default=[], metavar="NAME=RUN", help="a model that was trained before"
+    )
     for option, count in (("frames", 450), ("test-frames", 50), ("rays", 256), ("test-rays", 4096)):
         asked.add_argument(f"--{option}", type=int, default=count)
     asked.add_argument("--work", type=Path, default=Path("runs/deforming"), help="folder for what is written meanwhile")

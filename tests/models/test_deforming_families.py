@@ -14,7 +14,16 @@ from gash_jax.files.atomic import FileError
 from gash_jax.files.settings import from_dict
 from gash_jax.geometry.carried_normals import carried_normals
 from gash_jax.geometry.mesh import MeshError
-from gash_jax.models.deform import divide_surface, local_coefficients, local_frames, pose_kernel, relevance
+from gash_jax.models.deform import (
+    WAYS,
+    displacements,
+    divide_surface,
+    local_coefficients,
+    local_frames,
+    pose_kernel,
+    relevance,
+    without_rigid,
+)
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.deforming_model import DeformingModel, load_deforming_model, save_deforming_model
 from gash_jax.models.families import model_config
@@ -37,7 +46,7 @@ PUSH = np.random.default_rng(1).normal(size=(4, COUNT, 9))
 LINEAR = 0.2 + np.tensordot(MOVING.parameters, 0.05 * PUSH, axes=1)  # linear in the weights
 CONFIGS = {
     "momo-prt": {"rank": 4},
-    "deform": {"rank": 9, "patches": 6},
+    "deform": {"patches": 6},
     "deep-prt": {"size": 16, "channels": 2, "levels": 2},
 }
 
@@ -162,12 +171,45 @@ def test_local_coefficients_of_a_turned_body_are_those_of_the_body() -> None:
     assert np.abs(found - found[0]).max() < 2e-3  # the closed form is the same in every pose
 
 
-def test_patches_their_relevance_and_the_kernel() -> None:
+def test_a_rigid_motion_changes_no_shape() -> None:
+    points, weight = np.random.default_rng(3).normal(size=(2, 20, 3))[0], np.linspace(0.1, 1, 20)
+    turned = np.cross([0.3, -1.0, 0.5], points) + [4.0, 5.0, 6.0]  # to first order
+    wider = 0.1 * points
+    rest = without_rigid(np.stack([turned, wider, wider + turned]), points, weight)
+    np.testing.assert_allclose(rest[0], 0, atol=1e-12)
+    np.testing.assert_allclose(rest[2], rest[1], atol=1e-12)
+    assert np.linalg.norm(rest[1]) > 0.1
+    # by hand: of two points that part along x by 1 each, all is left, times the roots of the weights
+    pair = np.array([[1.0, 0, 0], [-1, 0, 0]])
+    np.testing.assert_allclose(without_rigid(pair[None], pair, np.array([0.5, 0.5])), [pair.ravel() / np.sqrt(2)])
+
+
+def test_displacements_are_those_of_the_shapes() -> None:
+    chosen = np.array([3, 70, 11])
+    motion: Any = MOVING.motion
+    found = displacements(MOVING, MOVING.parameters.astype(float), chosen)
+    np.testing.assert_allclose(found, motion.deltas[:, chosen], atol=1e-5)
+    alike = np.repeat(MOVING.parameters[:, :1].astype(float), 2, axis=1)  # two numbers that always agree share
+    one = displacements(MOVING._replace(parameters=MOVING.parameters * [1, 0, 0, 0]), alike, chosen)
+    np.testing.assert_allclose(one, np.stack([motion.deltas[0, chosen] / 2] * 2), atol=1e-5)
+
+
+def test_the_relevance_of_a_number_is_how_it_changes_what_is_near() -> None:
+    sample = np.random.default_rng(4).uniform(-1, 1, (60, 3))
+    near, far = (np.exp(-30 * ((sample - [side, 0, 0]) ** 2).sum(axis=1))[:, None] * sample for side in (-1, 1))
+    whole = np.cross([0.0, 1, 0], sample)  # turns everything
+    poses = np.random.default_rng(5).normal(size=(30, 3))
+    found = relevance(np.array([-1.0, 0, 0]), sample, np.stack([near, far, whole]), poses, 3.0)
+    assert found.shape == (3, WAYS)
+    size = np.linalg.norm(found, axis=1)
+    assert size[0] > 10 * size[1] and size[2] < 1e-9 * size[0]
+    centred = poses - poses.mean(axis=0)
+    assert np.mean(np.sum((centred @ found) ** 2, axis=1)) == pytest.approx(1)
+
+
+def test_patches_and_the_kernel() -> None:
     patch, middles = divide_surface(MESH.vertices.astype(float), 6)
-    assert set(patch) == set(range(6)) and np.bincount(patch).max() < 2 * COUNT / 6
-    ends = np.array([[0.0, 0, 0], [1, 0, 0]])
-    near = relevance(ends, ends, np.array([[1.0, 0], [0, 2]]), 1.0)
-    assert near[0, 0] > 0.9 and near[1, 1] > 1.8 and near[0, 1] < 0.1 and near[1, 0] < 0.1
+    assert set(patch) == set(range(6)) and len(middles) == 6 and np.bincount(patch).max() < 2 * COUNT / 6
     one = np.array([[0.0, 0], [3, 4]])
     far = np.sqrt(3) * 5 / 4
     np.testing.assert_allclose(pose_kernel(one, one), [[1, (1 + far) * np.exp(-far)], [(1 + far) * np.exp(-far), 1]])

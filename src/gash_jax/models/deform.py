@@ -6,17 +6,19 @@ a part of the body moves rigidly; what is left to learn is what changes around t
 the world by `algebra.sh_rotation`.
 
 *Patches.* The vertices are divided into patches, each with a regression (`kernel_regression`) of all its coefficients
-on the pose. What moves near a patch shadows it most: the numbers of the pose count by the RMS displacement that they
-cause around the middle of the patch, where a vertex of the sample at distance d has the weight 1 / (d² + d0²)^(p/2), in
-units of the diagonal of the box. With f the pose so weighted, of mean square length 1 over the training poses, the
-kernel is Matern's of order 3/2, (1 + s) exp(-s) with s = sqrt(3) |f - f'| / REACH (Rasmussen & Williams 2006, 4.17).
+on the pose. Two poses are alike to a patch if what is around it has the same shape in both: the displacements there,
+without those of a rigid motion, by which no shadow changes. Of `AROUND` vertices spread over the rest one at distance d
+from the middle of the patch has the weight 1 / (d² + d0²)^(p/2), in units of the diagonal of the box; displacements are
+taken as linear in the numbers of the pose, and so are the leading `WAYS` directions f of the weighted ones, scaled to a
+mean square length of 1 over the training poses. The kernel is Matern's of order 3/2, (1 + s) exp(-s) with s = sqrt(3)
+|f - f'| / REACH (Rasmussen & Williams 2006, 4.17).
 
-*Size.* Of each patch's predictions `rank` directions are kept: r numbers for each coefficient of a vertex.
+*Size.* Of each patch's predictions the leading directions are kept, more of them where more changes (`patch_levels`).
 """
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -27,16 +29,21 @@ from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_norm
 from gash_jax.algebra.numerics import safe_normalize
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.settings import setting
+from gash_jax.geometry.animation import Animation
 from gash_jax.geometry.carried_normals import carried_normals, vertex_frames
+from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.models.kernel_regression import fit_low_rank
+from gash_jax.models.patch_levels import ENDS, LEVEL_SHAPES, MEGABYTE, Patches, level_arrays, say_levels
 from gash_jax.models.pose_reader import fit_reader, read_pose, reader_arrays, reader_of, spread_vertices
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import posed_meshes
 
-NEAR, POWER = 0.03, 4.0  # d0 and p
-REACH = 4.0  # of the kernel, in lengths of a weighted pose
+AROUND = 800  # vertices whose displacements say how alike two poses are: with fewer lips and eyelids have too few
+NEAR, POWER = 0.03, 6.0  # d0 and p
+WAYS = 24  # in which what is around a patch changes its shape
+REACH = 4.0  # of the kernel, in lengths of f
 
 
 @dataclass(frozen=True)
@@ -44,18 +51,18 @@ class DeformConfig(ModelConfig):
     """The regression of patches."""
 
     patches: int = setting(64, "patches that the surface is divided into", least=1)
-    rank: int = setting(16, "numbers of a patch's pose that reach its coefficients", least=1)
+    megabytes: float = setting(8.0, "size of the model, which is less where less is enough", least=0)
     ridge: float = setting(0.0, "ridge, relative to the kernel; 0: by leaving one pose out in each patch", least=0)
 
 
 DEFORM_SHAPES: dict[str, tuple[int | str, ...]] = {
     "patch": ("v",),
+    "row": ("v",),
     "neighbour": ("v",),
-    "relevance": ("q", "p"),
+    "relevance": ("q", "p", "w"),
     "poses": ("t", "p"),
     "mean": ("v", "k"),
-    "basis": ("v", "k", "r"),
-    "weights": ("q", "t", "r"),
+    **LEVEL_SHAPES,
 }
 
 
@@ -74,13 +81,42 @@ def divide_surface(
     return np.asarray(KDTree(middles).query(points)[1]), middles
 
 
+def displacements(
+    animation: Animation, poses: Float[np.ndarray, "t p"], chosen: Int[np.ndarray, "s"]
+) -> Float[np.ndarray, "p s 3"]:
+    """How far each number of the pose moves the chosen vertices: least squares over the frames of an animation."""
+    seen = np.stack([frame[chosen] for frame in animation.frames()]).astype(np.float64).reshape(len(poses), -1)
+    found = np.linalg.pinv(poses - poses.mean(axis=0)) @ (seen - seen.mean(axis=0))
+    return found.reshape(poses.shape[1], -1, 3)
+
+
+def without_rigid(
+    moved: Float[np.ndarray, "p s 3"], points: Float[np.ndarray, "s 3"], weight: Float[np.ndarray, "s"]
+) -> Float[np.ndarray, "p d"]:
+    """Displacements times the roots of the weights, d = 3 s, less the small rigid motion that is closest to each."""
+    root, apart = np.sqrt(weight)[:, None], points - np.average(points, axis=0, weights=weight)
+    ways = [np.broadcast_to(axis, apart.shape) for axis in np.eye(3)] + [np.cross(axis, apart) for axis in np.eye(3)]
+    rigid = np.stack([(root * way).ravel() for way in ways], axis=1)
+    found = (root * moved).reshape(len(moved), -1)
+    return found - found @ np.linalg.pinv(rigid).T @ rigid.T
+
+
 def relevance(
-    middles: Float[np.ndarray, "q 3"], sample: Float[np.ndarray, "s 3"], moved: Float[np.ndarray, "p s"], unit: float
-) -> Float[np.ndarray, "q p"]:
-    """How much each number of the pose moves what is around each patch (module docstring)."""
-    apart = np.linalg.norm(middles[:, None] - sample, axis=2) / unit
+    middle: Float[np.ndarray, "3"],
+    around: Float[np.ndarray, "s 3"],
+    moved: Float[np.ndarray, "p s 3"],
+    poses: Float[np.ndarray, "t p"],
+    unit: float,
+) -> Float[np.ndarray, "p w"]:
+    """From the numbers of a pose to the shape of what is around a patch: pose -> f (module docstring)."""
+    apart = np.linalg.norm(around - middle, axis=1) / unit
     weight = (apart**2 + NEAR**2) ** (-POWER / 2)
-    return np.sqrt((weight / weight.sum(axis=1, keepdims=True)) @ (moved**2).T)
+    shapes = without_rigid(moved, around, weight / weight.sum())
+    triangle = np.linalg.qr(poses - poses.mean(axis=0), mode="r")  # with fewer rows, of the same singular values
+    _, sizes, ways = np.linalg.svd(triangle @ shapes, full_matrices=False)
+    length = max(float(np.linalg.norm(sizes)) / np.sqrt(len(poses)), 1e-30)
+    found = shapes @ ways[:WAYS].T / length
+    return np.pad(found, ((0, 0), (0, WAYS - found.shape[1])))
 
 
 def pose_kernel(
@@ -117,30 +153,52 @@ def local_coefficients(poses: TrainingPoses, neighbour: Int[np.ndarray, "v"]) ->
     return np.stack(turned)
 
 
-def fit_deform(config: DeformConfig, poses: TrainingPoses) -> dict[str, Any]:
-    """The arrays of the model."""
-    mesh, (reader, rows, moved) = poses.animation.mesh, fit_reader(poses.animation)
+class Fitted(NamedTuple):
+    """Everything that was found, before a size is chosen."""
+
+    patches: Patches
+    relevance: Float[np.ndarray, "q p w"]
+    arrays: dict[str, np.ndarray]  # of any size
+
+
+def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
+    """The regressions of all patches."""
+    mesh, (reader, rows) = poses.animation.mesh, fit_reader(poses.animation)
     points, neighbour = mesh.vertices.astype(np.float64), carried_normals(mesh, mesh.faces).neighbour
     patch, middles = divide_surface(points, config.patches)
     unit = 2 * NormalisedMesh(mesh).half_diagonal
-    near = relevance(middles, points[reader.sample.astype(int)], moved, unit)
-    near /= np.maximum(np.sqrt((near**2) @ (rows**2).mean(axis=0)), 1e-30)[:, None]
+    around = spread_vertices(points, AROUND)
+    moved = displacements(poses.animation, rows, around)
+    near = np.stack([relevance(middle, points[around], moved, rows, unit) for middle in middles])
     local = local_coefficients(poses, neighbour)
-    size, rank = local.shape[2], config.rank
-    mean, basis = np.zeros((len(points), size), np.float32), np.zeros((len(points), size, rank), np.float32)
-    weights = np.zeros((len(middles), len(rows), rank), np.float32)
+    (count, size), rank = local.shape[1:], ENDS[-1]
+    mean, basis = np.zeros((count, size), np.float32), np.zeros((count, size, rank), np.float16)
+    weights, energy = np.zeros((len(middles), len(rows), rank), np.float32), np.zeros((len(middles), rank))
     for number in range(len(middles)):
         own = np.flatnonzero(patch == number)
         if len(own):
-            seen = near[number] * rows
+            seen = rows @ near[number]
             outputs = local[:, own].astype(np.float32).reshape(len(rows), -1)
             found = fit_low_rank(np.asarray(pose_kernel(seen, seen)), outputs, rank, config.ridge)
-            mean[own], weights[number] = found.mean.reshape(-1, size), found.dual
+            mean[own], weights[number], energy[number] = found.mean.reshape(-1, size), found.dual, found.energy
             basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
-    arrays = {"patch": patch, "neighbour": neighbour, "relevance": near, "poses": rows}
-    arrays |= {"mean": mean, "basis": basis, "weights": weights}
-    arrays |= reader_arrays(reader)
+    arrays = {"neighbour": neighbour, "poses": rows, **reader_arrays(reader)}
+    return Fitted(Patches(patch, mean, basis, weights, energy), near, arrays)
+
+
+def cut_to_size(fitted: Fitted, mesh: Mesh, megabytes: float) -> dict[str, Any]:
+    """The arrays of a model whose file takes about so many megabytes, or what it takes at the least."""
+    patches, halves = fitted.patches, fitted.patches.mean.nbytes // 2
+    numbers = sum(array.size for array in (*fitted.arrays.values(), fitted.relevance, *mesh)) + 2 * len(patches.patch)
+    tables = level_arrays(patches, MEGABYTE * megabytes - halves - 4 * numbers)
+    relevance = fitted.relevance[tables.pop("order")]
+    arrays = {**fitted.arrays, **tables, "relevance": relevance}
     return {name: np.asarray(array, np.float32) for name, array in arrays.items()}
+
+
+def fit_deform(config: DeformConfig, poses: TrainingPoses) -> dict[str, Any]:
+    """The arrays of the model."""
+    return cut_to_size(fit_patches(config, poses), poses.animation.mesh, config.megabytes)
 
 
 def predict_deform(
@@ -148,10 +206,8 @@ def predict_deform(
 ) -> Float[Array, "v k"]:
     """Coefficients of a pose; the closed form where the frame of a vertex has vanished, 0 without a normal."""
     pose, near = read_pose(reader_of(arrays), positions), arrays["relevance"]
-    seen = pose_kernel((near * pose[None])[:, None], near[:, None] * arrays["poses"][None])
-    scores = jnp.einsum("qt,qtr->qr", seen[:, 0], arrays["weights"])
-    of_vertex = scores[arrays["patch"].astype(jnp.int32)]
-    local = arrays["mean"] + jnp.einsum("vkr,vr->vk", arrays["basis"], of_vertex)
+    seen = pose_kernel((pose @ near)[:, None], jnp.einsum("tp,qpw->qtw", arrays["poses"], near))
+    local = say_levels(arrays, seen[:, 0])
     frames = local_frames(positions, normals, arrays["neighbour"].astype(jnp.int32))
     whole = jnp.any(frames[..., 0] != 0, axis=-1, keepdims=True)
     bare = unshadowed_transfer(normals, math.isqrt(local.shape[1]))

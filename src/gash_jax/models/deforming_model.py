@@ -86,7 +86,10 @@ def save_deforming_model(
     path: str | Path, config: ModelConfig, arrays: dict[str, Any], mesh: Mesh, **metadata: Any
 ) -> None:
     """Write a model file; `metadata` entries go in beside the config."""
-    kept = {name: np.asarray(array, np.float16 if name in HALVES else np.float32) for name, array in arrays.items()}
+    kept = {
+        name: np.asarray(array, np.float16 if name.split("/")[0] in HALVES else np.float32)
+        for name, array in arrays.items()
+    }
     rest = dict(zip(REST, (mesh.vertices, mesh.normals, mesh.faces.astype(np.float32)), strict=True))
     header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
     write_npz(path, {**kept, **rest}, header)

@@ -25,6 +25,7 @@ class LowRank(NamedTuple):
     dual: Float[np.ndarray, "t r"]
     basis: Float[np.ndarray, "r n"]
     ridge: float  # that was used
+    energy: Float[np.ndarray, "r"]  # of the predictions at the training poses along each direction
 
 
 def leave_one_out(
@@ -63,4 +64,4 @@ def fit_low_rank(
     dual, basis = inverse @ gram @ into, into.T.astype(np.float32) @ apart
     short = rank - len(kept)
     dual, basis = np.pad(dual, ((0, 0), (0, short))), np.pad(basis, ((0, short), (0, 0)))
-    return LowRank(mean, dual.astype(np.float32), basis, ridge)
+    return LowRank(mean, dual.astype(np.float32), basis, ridge, np.pad(strong * values[kept], (0, short)))

@@ -35,7 +35,7 @@ MOMO_SHAPES: dict[str, tuple[int | str, ...]] = {
 
 def fit_momo(config: MomoConfig, poses: TrainingPoses) -> dict[str, Any]:
     """The arrays of the model."""
-    reader, rows, _ = fit_reader(poses.animation)
+    reader, rows = fit_reader(poses.animation)
     outputs = np.concatenate([np.asarray(shard, np.float32) for shard in poses.shards])
     middle = rows.mean(axis=0)
     apart = rows - middle

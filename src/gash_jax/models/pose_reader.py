@@ -1,9 +1,10 @@
 """From the positions of a deforming mesh to the few numbers that say its pose.
 
 A pose is read off a sample of the vertices, spread evenly over the rest: with d their displacement from it, the pose is
-the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes, so the pose is their weights, exactly where
-the shapes differ on the sample. Of all other motions the pose is the leading principal components of the displacements
-of the training frames, scaled to a variance of 1.
+the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes that some training frame has, so the pose is
+their weights, exactly where the shapes differ on the sample; a shape that no frame had is read as what is closest to it
+of the others. Of all other motions the pose is the leading principal components of the displacements of the training
+frames, scaled to a variance of 1.
 
 Each number is held to the range that it had in training, widened by a tenth: further out a fitted model says nothing
 that was ever measured.
@@ -62,27 +63,27 @@ def spread_vertices(points: Float[np.ndarray, "v 3"], count: int) -> Int[np.ndar
     return np.array(found)
 
 
-def fit_reader(animation: Animation) -> tuple[PoseReader, Float[np.ndarray, "t p"], Float[np.ndarray, "p s"]]:
-    """The reader of an animation's frames, their poses, and how far each number moves each vertex of the sample."""
+def fit_reader(animation: Animation) -> tuple[PoseReader, Float[np.ndarray, "t p"]]:
+    """The reader of an animation's frames, and their poses."""
     rest = animation.mesh.vertices.astype(np.float64)
     sample = spread_vertices(rest, SAMPLE)
     seen = np.stack([frame[sample] for frame in animation.frames()]).astype(np.float64)
     motion, still = animation.motion, rest[sample]
     if isinstance(motion, Blend) and not motion.weights.shape[1]:
-        lift = motion.deltas[:, sample].reshape(len(motion.deltas), -1).astype(np.float64)
+        used = np.flatnonzero(animation.parameters.any(axis=0))
+        lift = motion.deltas[used][:, sample].reshape(len(used), -1).astype(np.float64)
         matrix = np.linalg.pinv(lift, rcond=SMALLEST)
     else:
         still = seen.mean(axis=0)
         _, sizes, ways = np.linalg.svd((seen - still).reshape(len(seen), -1), full_matrices=False)
         kept = np.flatnonzero(sizes > SMALLEST * max(float(sizes.max(initial=0)), 1e-30))[:COMPONENTS]
         scale = sizes[kept] / np.sqrt(len(seen))
-        lift, matrix = scale[:, None] * ways[kept], (ways[kept] / scale[:, None]).T
+        matrix = (ways[kept] / scale[:, None]).T
     poses = (seen - still).reshape(len(seen), -1) @ matrix
     low, high = poses.min(axis=0), poses.max(axis=0)
     room = MARGIN * (high - low)
-    moved = np.linalg.norm(lift.reshape(len(lift), -1, 3), axis=2)
     reader = PoseReader(*(part.astype(np.float32) for part in (sample, still, matrix, low - room, high + room)))
-    return reader, poses, moved
+    return reader, poses
 
 
 def read_pose(reader: PoseReader, positions: Float[Any, "v 3"]) -> Float[Any, "p"]:

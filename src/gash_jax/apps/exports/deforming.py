@@ -28,7 +28,7 @@ def write_deform(g: Graph, config: Any) -> Value:
     """Patch by patch, in frames that follow the skin."""
     count, size = g.weights["mean"].shape
     normals = g.input("normal", (count, 3), "unit normal of each vertex in the pose, 0 where it has none")
-    apart = g.weight("relevance").unsqueeze(1) * (_pose(g) - g.weight("poses"))  # (q, t, p)
+    apart = (_pose(g) - g.weight("poses")).unsqueeze(0) @ g.weight("relevance")  # (q, t, w)
     far = ((apart * apart).sum(2).maximum(1e-12) * 3.0).apply("Sqrt") / REACH
     kernel = (1.0 + far) * (-far).apply("Exp")
     scores = (kernel.unsqueeze(1) @ g.weight("weights")).reshape(-1, g.weights["weights"].shape[2])
