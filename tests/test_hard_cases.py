@@ -7,10 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.hard_cases import directions, meshes, run
+from experiments.hard_cases import deforming, directions, meshes, recordings, run
 from experiments.hard_cases.case import Case, judge
 from experiments.hard_cases.cases import CASES
 from gash_jax.algebra import motors
+from gash_jax.files import npz
+from gash_jax.models import pose_reader
+from gash_jax.models.deforming_model import DeformingModel
 from gash_jax.prt import rays
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "hard_cases.json"
@@ -89,3 +92,18 @@ def test_cases_notice_what_they_are_there_for(monkeypatch) -> None:
         assert meshes.far_away_convex()[0] > 0.01
     monkeypatch.setattr(rays, "MIN_OFFSET", 1.2e-3)
     assert meshes.narrowest_crevice()[0] > 9e-4
+
+
+def test_cases_of_deforming_objects_notice_what_they_are_there_for(monkeypatch) -> None:
+    """No room for rounding, poses held to no range, recordings that are copied into memory."""
+    with monkeypatch.context() as patch:
+        patch.setattr(pose_reader, "ROUNDING", 0.0)
+        assert deforming.unused_shape("momo-prt")[0] > 0
+    with monkeypatch.context() as patch:
+        patch.setattr(pose_reader, "MARGIN", 1e6)
+        assert np.isnan(deforming.far_outside("momo-prt", 10.0)[0])
+        patch.setattr(DeformingModel, "outside", lambda model, positions: True)
+        assert deforming.brightest_outside("momo-prt")[0] > 100
+    with monkeypatch.context() as patch:
+        patch.setattr(npz, "_LARGE", 1 << 40)
+        assert recordings.long_recording("opened")[0] > 1.5

@@ -6,6 +6,7 @@ import numpy as np
 
 from experiments.hard_cases import bounces, directions, gloss, lights, meshes, textures
 from experiments.hard_cases.case import Case, U
+from experiments.hard_cases.moving import MOVING
 from experiments.hard_cases.refusals import REFUSALS
 
 FREE = "transfer - closed form"
@@ -212,5 +213,6 @@ CASES = [
     Case("gloss, a vertex without a normal", "radiance", 0.0, gloss.no_normal),
     Case("gloss, 10 bands", "visibility in 19 bands - hemisphere", 2.0**-11, gloss.ten_bands, HALF, slow=True),
     Case("gloss, a million vertices", "planned bytes, relative", 1e-3, gloss.million_vertices, "metadata", slow=True),
+    *MOVING,
     *REFUSALS,
 ]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from experiments.hard_cases import bounces, gloss, textures
+from experiments.hard_cases import bounces, deforming, gloss, recordings, textures
 from experiments.hard_cases.case import Case
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.geometry.health import prepare_mesh
@@ -115,6 +115,55 @@ REFUSALS = [
         "refusal",
         "1 of 1 albedos are not from 0 to 1 (first: 1.2): no surface sends back more light than it receives",
         bounces.brighter_than_white,
+    ),
+    Case(
+        "a frame that is not finite",
+        "refusal",
+        "moves.npz: 1 vertices of frame 2 are not finite (first: 7): repair or leave out the frame",
+        recordings.frame_not_finite,
+    ),
+    Case(
+        "faces that change from frame to frame",
+        "refusal",
+        "moves.npz: 'faces' has shape (4, 80, 3), one list for each frame: all frames must share one (f, 3)",
+        recordings.faces_that_change,
+    ),
+    Case(
+        "a frame in which the whole object is one point",
+        "refusal",
+        "frame 2: all faces lie in one point: the mesh has no size; check its coordinates and units",
+        recordings.shrunk_to_a_point,
+    ),
+    Case(
+        "a model of an animation of one frame",
+        "refusal",
+        "moves.npz has 1 frames: a model needs two to be fitted to and one to be tested on; bake it with gash animate",
+        recordings.one_frame_to_train,
+    ),
+    Case(
+        "a pose that is not finite, given to a model",
+        "refusal",
+        "1 of 252 positions are not finite or beyond 1e+36 (first: 7): repair or leave out the pose",
+        deforming.pose_not_finite,
+    ),
+    Case(
+        "a pose beyond float32, given to a model",
+        "refusal",
+        "252 of 252 positions are not finite or beyond 1e+36 (first: 0): repair or leave out the pose",
+        deforming.pose_beyond_float32,
+    ),
+    Case(
+        "a pose of another mesh, given to a model",
+        "refusal",
+        "positions have shape (251, 3) float32: this model is of one mesh, give positions of all its vertices, "
+        "(252, 3)",
+        deforming.pose_of_another_mesh,
+    ),
+    Case(
+        "a model file that is cut",
+        "refusal",
+        "model.npz is not a readable npz file: truncated or another format; write it again",
+        deforming.cut_weights,
     ),
     Case("exponent below 0", "refusal", "exponent is -1: use a number of 0 or more", lambda: phong(-1)),
 ]

@@ -12,6 +12,7 @@ import pytest
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.files.atomic import FileError
 from gash_jax.files.settings import from_dict
+from gash_jax.geometry.animation import Animation, Recorded
 from gash_jax.geometry.carried_normals import carried_normals
 from gash_jax.geometry.mesh import MeshError
 from gash_jax.models.deform import (
@@ -107,11 +108,22 @@ def test_collapsed_and_distant_poses_are_finite(model: DeformingModel) -> None:
 
 
 def test_positions_of_another_mesh_are_refused(model: DeformingModel) -> None:
-    broken = MESH.vertices.copy()
+    for positions in (MESH.vertices[1:], np.zeros((2, COUNT, 3)), np.full((COUNT, 3), "a")):
+        for ask in (model, model.outside):
+            with pytest.raises(MeshError, match="this model is of one mesh"):
+                ask(positions)
+
+
+def test_positions_that_are_not_finite_are_refused(model: DeformingModel) -> None:
+    """Those that float32 cannot hold among them; large ones are fine."""
+    broken, wide = MESH.vertices.astype(np.float64), np.sign(MESH.vertices) * np.float32(9e35)
     broken[3] = np.nan
-    for positions in (MESH.vertices[1:], broken, np.zeros((2, COUNT, 3)), np.full((COUNT, 3), "a")):
-        with pytest.raises(MeshError, match="this model is of one mesh"):
-            model(positions)
+    broken[5, 2] = 1e39
+    for ask in (model, model.outside):
+        with pytest.raises(MeshError, match=rf"2 of {COUNT} positions are not finite or .* \(first: 3\): repair"):
+            ask(broken)
+    assert model.outside(wide)
+    assert np.isfinite(model(wide)).all()
 
 
 def test_its_file_gives_it_back(model: DeformingModel, tmp_path: Path) -> None:
@@ -157,6 +169,22 @@ def test_files_that_are_no_such_model_are_refused(model: DeformingModel, tmp_pat
     save_deforming_model(path, model.config, short, MESH)
     with pytest.raises(FileError, match=f"no array '{one}'"):
         load_deforming_model(path)
+
+
+@pytest.mark.parametrize("name", ["momo-prt", "deform"])
+@pytest.mark.parametrize("frames", [1, 7])
+def test_where_nothing_moves_it_is_the_mean(name: str, frames: int, tmp_path: Path) -> None:
+    still = Animation(MESH, np.zeros((frames, 1)), ("frame",), Recorded(MESH.vertices[None]))
+    noise = np.random.default_rng(0).uniform(0.9, 1.1, (frames, *BARE.shape[1:]))
+    truth = (noise * BARE[0]).astype(np.float16)
+    config, fit = config_of(name), DEFORMING[name].fit
+    assert fit is not None
+    save_deforming_model(tmp_path / "model.npz", config, fit(config, TrainingPoses(still, [truth])), MESH)
+    model, read = load_deforming_model(tmp_path), gash_numpy.load_deforming(str(tmp_path / "model.npz"))
+    expected = truth.astype(np.float64).mean(axis=0)
+    np.testing.assert_allclose(model(MESH.vertices), expected, atol=1e-3)
+    np.testing.assert_allclose(gash_numpy.predict_pose(read, MESH.vertices, MESH.normals), expected, atol=1e-3)
+    assert not model.outside(MESH.vertices)
 
 
 def test_local_coefficients_of_a_turned_body_are_those_of_the_body() -> None:

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gash_jax.geometry.animation import Animation, Recorded
+from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.pose_reader import fit_reader, poses_outside, read_pose, reader_arrays, reader_of, spread_vertices
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -50,6 +51,38 @@ def test_a_pose_far_outside_is_held_and_said() -> None:
     held = read_pose(reader, far)
     assert (held <= reader.high).all() and (held >= reader.low).all()
     assert reader.high.max() < 1.2 * poses.max()
+
+
+def test_no_pose_of_the_training_is_outside_by_rounding() -> None:
+    """A shape that no frame has and one that never changes leave no range but that of rounding."""
+    parameters = SHAPES.parameters.copy()
+    parameters[:, 3:] = [0, 0.5]
+    for moving in (SHAPES._replace(parameters=parameters), RECORDED):
+        reader, _ = fit_reader(moving)
+        assert not any(poses_outside(reader, frame) for frame in moving.frames())
+    reader, _ = fit_reader(SHAPES._replace(parameters=parameters))
+    parameters[5, 4] += 1e-3
+    assert poses_outside(reader, SHAPES._replace(parameters=parameters).frame(5)) > 0
+
+
+def test_where_nothing_moves_the_pose_is_one_zero() -> None:
+    still = RECORDED._replace(parameters=np.zeros((7, 1)))
+    reader, poses = fit_reader(still)
+    assert poses.shape == (7, 1) and not poses.any() and not reader.matrix.any()
+    np.testing.assert_array_equal(reader.still, FRAMES[0][reader.sample.astype(int)])
+
+
+def test_vertices_in_no_face_do_not_count() -> None:
+    loose = np.random.default_rng(0).normal(size=(len(FRAMES), 3, 3)) * 1e3
+    vertices = np.concatenate([MESH.vertices, np.full((3, 3), 1e30)]).astype(np.float32)
+    mesh = Mesh(vertices, np.pad(MESH.normals, ((0, 3), (0, 0))), MESH.faces)
+    frames = np.concatenate([FRAMES, loose], axis=1).astype(np.float32)
+    reader, poses = fit_reader(RECORDED._replace(mesh=mesh, motion=Recorded(frames)))
+    expected, clean = fit_reader(RECORDED)
+    np.testing.assert_array_equal(reader.sample, expected.sample)
+    np.testing.assert_array_equal(poses, clean)
+    reader, _ = fit_reader(RECORDED._replace(mesh=mesh._replace(faces=MESH.faces[:0]), motion=Recorded(frames)))
+    assert reader.sample.max() >= len(MESH.vertices)  # without any face all count
 
 
 def test_it_goes_through_the_arrays_of_a_model() -> None:

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gash_jax.geometry.animation import Animation, Recorded
+from gash_jax.geometry.mesh import MeshError
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.sequence import bake_frame, bake_pose, moving_scene, posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
@@ -82,6 +84,16 @@ def test_a_damaged_file_is_baked_again(baked: list[int], harm: str) -> None:
     baked.clear()
     np.testing.assert_array_equal(bake_truth(SCENE, 2, 4).coefficients(), before)
     assert baked == [FRAMES, FRAMES + 1]
+
+
+def test_a_frame_that_cannot_be_baked_is_named() -> None:
+    moving = SCENE.animation
+    frames = np.stack(list(moving.frames()))
+    frames[FRAMES + 1] = 1
+    numbers = np.arange(len(frames), dtype=np.float64)[:, None]
+    shrunk = Animation(moving.mesh, numbers, ("frame",), Recorded(frames))
+    with pytest.raises(MeshError, match=f"^frame {FRAMES + 1}: all faces lie in one point"):
+        bake_truth(moving_scene(shrunk), 2, 4)
 
 
 def test_other_rays_poses_and_parts_are_other_files() -> None:

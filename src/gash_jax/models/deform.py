@@ -35,7 +35,7 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.models.kernel_regression import fit_low_rank
 from gash_jax.models.patch_levels import ENDS, LEVEL_SHAPES, MEGABYTE, Patches, level_arrays, say_levels
-from gash_jax.models.pose_reader import fit_reader, read_pose, reader_arrays, reader_of, spread_vertices
+from gash_jax.models.pose_reader import fit_reader, read_pose, reader_arrays, reader_of, spread_in_faces, spread_vertices
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import posed_meshes
@@ -167,7 +167,7 @@ def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
     points, neighbour = mesh.vertices.astype(np.float64), carried_normals(mesh, mesh.faces).neighbour
     patch, middles = divide_surface(points, config.patches)
     unit = 2 * NormalisedMesh(mesh).half_diagonal
-    around = spread_vertices(points, AROUND)
+    around = spread_in_faces(mesh, AROUND)
     moved = displacements(poses.animation, rows, around)
     near = np.stack([relevance(middle, points[around], moved, rows, unit) for middle in middles])
     local = local_coefficients(poses, neighbour)

@@ -28,6 +28,7 @@ from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = DEFORMING_FORMAT, 1
 HALVES = ("mean", "basis")  # that are written in float16; rounded weights alone would make an error of .012
+FAR = 1e36  # of float32 coordinates: sums of a few hundred of them are finite
 REST = ("rest/vertices", "rest/normals", "rest/faces")
 
 
@@ -51,13 +52,25 @@ class DeformingModel:
 
     def pose(self, positions: ArrayLike | Array) -> Mesh:
         """A pose as a mesh, with normals carried along from the rest. Raises MeshError for another mesh."""
+        return posed_mesh(self._checked(positions), self.mesh.faces, self._carried)
+
+    def _checked(self, positions: ArrayLike | Array) -> Float[np.ndarray, "v 3"]:
+        """Positions of all vertices, float32. Raises MeshError."""
         found = np.asarray(as_array(positions))
-        if found.shape != self.mesh.vertices.shape or not is_real(found) or not np.isfinite(found).all():
+        if found.shape != self.mesh.vertices.shape or not is_real(found):
             raise MeshError(
-                f"positions have shape {found.shape} {found.dtype}: this model is of one mesh, give finite positions "
-                f"of all its vertices, {self.mesh.vertices.shape}"
+                f"positions have shape {found.shape} {found.dtype}: this model is of one mesh, give positions of all "
+                f"its vertices, {self.mesh.vertices.shape}"
             )
-        return posed_mesh(found.astype(np.float32), self.mesh.faces, self._carried)
+        with np.errstate(over="ignore"):  # what float32 cannot hold is refused here
+            found = found.astype(np.float32)
+        bad = ~(np.abs(found) < FAR).all(axis=1)
+        if bad.any():
+            raise MeshError(
+                f"{bad.sum()} of {len(found)} positions are not finite or beyond {FAR:g} (first: {np.argmax(bad)}): "
+                "repair or leave out the pose"
+            )
+        return found
 
     def coefficients(self, mesh: Mesh) -> Float[Array, "v k"]:
         """Coefficients of a pose that has its normals."""
@@ -77,9 +90,9 @@ class DeformingModel:
         metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=0, seconds=seconds)
         return Transfer(found, None, *mesh, metadata)
 
-    def outside(self, positions: Float[np.ndarray, "v 3"]) -> bool:
-        """Whether a pose lies outside the range of those that the model was fitted to."""
-        return poses_outside(reader_of(self.arrays), positions) > 0
+    def outside(self, positions: ArrayLike | Array) -> bool:
+        """Whether a pose lies outside the range of those that the model was fitted to. Raises MeshError."""
+        return poses_outside(reader_of(self.arrays), self._checked(positions)) > 0
 
 
 def save_deforming_model(

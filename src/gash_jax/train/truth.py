@@ -23,7 +23,7 @@ from gash_jax.files.atomic import FileError
 from gash_jax.files.caches import cache_folder, source_hash
 from gash_jax.files.npz import open_npz, read_npz, write_npz
 from gash_jax.files.shards import Shard, check_merge, fault_of
-from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.prt.sequence import MovingScene, bake_frame, posed_meshes
 
 FRAMES = 16  # in a file
@@ -150,10 +150,13 @@ def _bake_file(
     first: int,
     baked: Callable[[int], None],
 ) -> None:
-    """Bake some frames and keep them."""
+    """Bake some frames and keep them. Raises MeshError for one that cannot be baked, as a mesh shrunk to a point."""
     started, frames = (time.process_time(), time.perf_counter()), []
     for number, mesh in enumerate(meshes):
-        found = bake_frame(mesh, scene.rows, bands, rays, first + number, glossy)
+        try:
+            found = bake_frame(mesh, scene.rows, bands, rays, first + number, glossy)
+        except MeshError as error:
+            raise MeshError(f"frame {first + number}: {error}") from None
         frames.append({name: array.astype(np.float16) for name, array in found.items()})
         baked(number + 1)
     arrays = {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}
