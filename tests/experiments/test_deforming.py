@@ -9,7 +9,7 @@ from PIL import Image, ImageSequence
 from PIL.WebPImagePlugin import WebPImageFile
 
 from docs.deforming_tables import deforming_table
-from experiments.deforming import run
+from experiments.deforming import pictures, run
 from experiments.deforming.movie import envelope, movie, path_of_poses, write_movie
 from experiments.deforming.pictures import SIZE, strip
 from gash_jax.algebra.closed_forms import unshadowed_transfer
@@ -42,6 +42,12 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
     assert all(0 <= row["accuracy"] <= 1 for row in rows.values())
     text = deforming_table(result)
     assert all(f"| {name} |" in text for name in rows) and "bumps, 642 vertices" in text
+    monkeypatch.setattr(pictures, "FRAMES", 3)
+    monkeypatch.setattr(pictures, "SIZE", SMALL)
+    files = tmp_path / "strip.png", tmp_path / "face.webp"
+    pictures.main(tmp_path / "work" / "model.npz", tmp_path / "work" / "bumps.npz", "", 8, *files)
+    with Image.open(files[1]) as picture:
+        assert isinstance(picture, WebPImageFile) and picture.n_frames == 3
 
 
 def few_frames(folder: Path, moving: Animation) -> tuple[Truth, DeformingModel]:

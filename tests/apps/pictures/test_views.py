@@ -57,7 +57,7 @@ def test_front_looks_at_what_faces_z() -> None:
 def test_poses_around_one_mesh_do_not_move_the_camera() -> None:
     """A ball half as large, to the right, covers what it covers of the frame of the large one."""
     large = icosphere(4)
-    small = large._replace(vertices=np.float32(0.5) * large.vertices + np.float32([0.5, 0, 0]))
+    small = large._replace(vertices=np.float32(0.5) * large.vertices + np.array([0.5, 0, 0], np.float32))
     (_, one), (_, same), (_, half) = (
         shade_view(cast_view(mesh, (0.0, 0.0), 64, around), np.ones((2562, 3), np.float32))
         for mesh, around in ((large, None), (large, large), (small, large))
