@@ -13,14 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gash_jax.geometry.animation import Animation
 from gash_jax.shapes.cloth import cloth_animation
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.shapes.rigs import figure_animation
 
 FRAMES = 500  # of the generated ones
-STEPS = 8  # from one pose to the next where a path is made of poses that do not follow one another
 
 
 class Object(NamedTuple):
@@ -71,12 +69,3 @@ def object_file(name: str, animation: Path | None, folder: Path) -> Path:
     path = folder / f"{name}.npz"
     write(path)
     return path
-
-
-def path_between(animation: Animation, poses: int = 3) -> Animation:
-    """Frames that lead from each of the first `poses` frames of blendshapes to the next, in equal steps."""
-    ends = animation.parameters[:poses].astype(np.float64)
-    share = np.arange(STEPS)[:, None] / STEPS
-    legs = [(1 - share) * first + share * last for first, last in zip(ends[:-1], ends[1:], strict=True)]
-    rows = np.concatenate([*legs, ends[-1:]]).astype(animation.parameters.dtype)
-    return animation._replace(parameters=rows, seconds=None)

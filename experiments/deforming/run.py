@@ -6,12 +6,12 @@
 
 `experiments.deforming.objects` lists the objects. All models are fitted to the same frames and held against the same
 test frames. *PCA floor*: the best that any model can do whose coefficients are the mean and so many components of those
-of the training frames. `deform` is fitted once, and cut to fewer numbers of a patch's pose. `local` is the shipped
-network with its graph kept, which knows 3 bands: its row is about those.
+of the training frames. `deform` is fitted once, and cut to several sizes. `local` is the shipped network with its
+graph kept, which knows 3 bands: its row is about those.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,14 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.options import parser, saved
-from experiments.deforming.objects import OBJECTS, object_file, path_between
+from experiments.deforming.movie import path_of_poses
+from experiments.deforming.objects import OBJECTS, object_file
 from experiments.deforming.yardstick import Frames, Say, Yardstick, frames_of
-from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.deforming import coefficient_ranges
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed_on_both_clocks
+from gash_jax.models.deform import cut_to_size, fit_patches
 from gash_jax.models.deforming import deforming_predictor
-from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.deforming_model import (
     DeformingModel,
     deforming_model_file,
@@ -35,13 +35,15 @@ from gash_jax.models.deforming_model import (
     save_deforming_model,
 )
 from gash_jax.models.model import load_model
+from gash_jax.models.momo_prt import fit_momo
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import MovingScene, bake_pose
 from gash_jax.train.config import RunConfig, load_config
 from gash_jax.train.deforming_run import split_animation
 from gash_jax.train.truth import Truth, bake_truth
 
-RANKS, COMPONENTS, RAYS, BANDS = (8, 16, 24, 48), (20, 40, 80, 160), (32, 64, 128, 256, 512), 4
+MEGABYTES, COMPONENTS, RAYS, BANDS = (2.0, 4.0, 8.0, 16.0), (20, 40, 80, 160), (32, 64, 128, 256, 512), 4
+PATH, POSES = 17, 2  # frames and poses of a path whose flicker is measured
 STEADY = 64  # rays of the bake whose flicker is measured
 
 
@@ -61,13 +63,6 @@ def floors(training: Float[np.ndarray, "t v k"], test: Frames, yardstick: Yardst
         found = ((told @ basis.T) @ basis + mean).reshape(references.shape)
         rows.append({"method": f"PCA floor, {count} components", **yardstick.scores(list(found))})
     return rows
-
-
-def fitted(config: RunConfig, poses: TrainingPoses) -> tuple[dict[str, Any], float]:
-    """Arrays of a model, and the CPU seconds of its fit."""
-    started, fit = time.process_time(), DEFORMING[config.model.name].fit
-    assert fit is not None
-    return fit(config.model, poses), time.process_time() - started
 
 
 def method_row(name: str, say: Say, test: Frames, yardstick: Yardstick) -> dict[str, Any]:
@@ -105,20 +100,26 @@ def bake_rows(test: Frames, rows: slice, yardsticks: Sequence[Yardstick]) -> lis
     return found
 
 
-def fitted_rows(
-    configs: Sequence[RunConfig], poses: TrainingPoses, mesh: Mesh, test: Frames, yardstick: Yardstick, folder: Path
-) -> list[dict[str, Any]]:
-    """`momo-prt`, and `deform` cut to every rank."""
+def fitted_models(poses: TrainingPoses) -> Iterator[tuple[str, RunConfig, dict[str, Any], float]]:
+    """Name, config, arrays and CPU seconds of the fit of `momo-prt`, and of `deform` cut to every size."""
+    linear, ours = load_config("momo-prt"), load_config("deform")
+    started = time.process_time()
+    arrays = fit_momo(linear.model, poses)
+    yield "momo-prt", linear, arrays, time.process_time() - started
+    started = time.process_time()
+    found = fit_patches(ours.model, poses)
+    seconds = time.process_time() - started
+    for size in MEGABYTES:
+        yield f"deform, {size:g} MB", ours, cut_to_size(found, poses.animation.mesh, size), seconds
+
+
+def fitted_rows(poses: TrainingPoses, test: Frames, yardstick: Yardstick, folder: Path) -> list[dict[str, Any]]:
+    """The rows of what is fitted in one piece; the last model stays in the folder."""
     rows, path = [], folder / "model.npz"
-    for config in configs:
-        arrays, seconds = fitted(config, poses)
-        ours = config.model.name == "deform"
-        for rank in RANKS if ours else (None,):
-            cut = {key: array[..., :rank] if key in ("basis", "weights") else array for key, array in arrays.items()}
-            save_deforming_model(path, config.model, cut if ours else arrays, mesh)
-            name = f"deform, {rank} numbers" if ours else config.model.name
-            row = model_row(name, load_deforming_model(path), path, test, yardstick)
-            rows.append({**row, "fit_cpu_seconds": seconds})
+    for name, config, arrays, seconds in fitted_models(poses):
+        save_deforming_model(path, config.model, arrays, poses.animation.mesh)
+        row = model_row(name, load_deforming_model(path), path, test, yardstick)
+        rows.append({**row, "fit_cpu_seconds": seconds})
     return rows
 
 
@@ -143,7 +144,7 @@ def in_time(test: Truth, follow: bool, rays: int) -> Frames | None:
         return frames_of(test)
     if not len(test.scene.animation.shape_weights[0]):
         return None
-    path = MovingScene(path_between(test.scene.animation), test.scene.rows)
+    path = MovingScene(path_of_poses(test.scene.animation, PATH, POSES), test.scene.rows)
     return frames_of(bake_truth(path, BANDS, rays))
 
 
@@ -162,8 +163,7 @@ def main(
     """Fit and measure everything on one object."""
     data = [f"data.animation={object_file(object, animation, work)}", f'data.vertices="{vertices}"']
     data += [f"data.frames={frames}", f"data.test_frames={test_frames}"]
-    configs = [load_config("momo-prt", data), load_config("deform", [*data, f"model.rank={max(RANKS)}"])]
-    split = split_animation(configs[0].data)
+    split = split_animation(load_config("deform", data).data)
     truth, test_truth = bake_truth(split.training, BANDS, rays), bake_truth(split.test, BANDS, test_rays)
     poses, mesh = TrainingPoses(split.training.receivers, truth.shards()), split.training.receivers.mesh
     ranges, test = coefficient_ranges(poses.shards), frames_of(test_truth)
@@ -171,7 +171,7 @@ def main(
     whole, three = (Yardstick(test, along, ranges, bands) for bands in (BANDS, 3))
     work.mkdir(parents=True, exist_ok=True)
     bakes = bake_rows(test, split.test.rows, (whole, three))
-    rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(configs, poses, mesh, test, whole, work)]
+    rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(poses, test, whole, work)]
     rows = [row | whole.against_bakes(row["relrmse"]) for row in rows] + other_rows(also, test, whole, three)
     arguments = {"frames": len(truth), "test_frames": len(test.meshes), "rays": rays, "test_rays": test_rays}
     baked = {"training": truth.cpu_seconds, "test": test_truth.cpu_seconds}

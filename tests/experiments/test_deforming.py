@@ -4,23 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.WebPImagePlugin import WebPImageFile
 
 from docs.deforming_tables import deforming_table
-from experiments.deforming import leaving, objects, run
-from experiments.deforming.objects import STEPS, object_file, path_between
-from experiments.deforming.pictures import SIZE, strip
+from experiments.deforming import leaving, objects, pictures, run
+from experiments.deforming.objects import object_file
 from experiments.deforming.yardstick import Frames, Yardstick
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.formats.animations import load_animation
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh
-from gash_jax.models.deform import DeformConfig, fit_deform
-from gash_jax.models.deforming_model import DeformingModel
-from gash_jax.models.training_poses import TrainingPoses
-from gash_jax.prt.sequence import moving_scene, posed_meshes
+from gash_jax.prt.sequence import posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere, grid
-from gash_jax.train.truth import Truth, write_frames
 
 
 def grid_mesh() -> Mesh:
@@ -32,7 +29,7 @@ def grid_mesh() -> Mesh:
 
 def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GASH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(run, "RANKS", (4, 12))
+    monkeypatch.setattr(run, "MEGABYTES", (0.1, 1.0))
     monkeypatch.setattr(run, "COMPONENTS", (3, 9, 99))
     monkeypatch.setattr(run, "RAYS", (4, 16))
     monkeypatch.setattr(run, "STEADY", 4)
@@ -43,28 +40,18 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
     assert rows["PCA floor, 9 components"]["relrmse"] < rows["PCA floor, 3 components"]["relrmse"]
     assert rows["PCA floor, 3 components"]["relrmse"] < rows["mean of the training frames"]["relrmse"]
     assert rows["bake, 16 rays"]["relrmse"] < rows["bake, 4 rays"]["relrmse"]
-    assert rows["deform, 4 numbers"]["bytes"] < rows["deform, 12 numbers"]["bytes"]
+    assert rows["deform, 0.1 MB"]["bytes"] < rows["deform, 1 MB"]["bytes"]
     assert rows["again, 3 bands"]["relrmse"] == rows["local, 3 bands"]["relrmse"]
     assert all(0 <= row["accuracy"] <= 1 and row["ssim"] <= 1 for row in rows.values())
-    assert rows["deform, 12 numbers"]["flicker"] > 0 and rows["bake, 4 rays"]["flicker"] > 0
+    assert rows["deform, 1 MB"]["flicker"] > 0 and rows["bake, 4 rays"]["flicker"] > 0
     text = deforming_table(result)
     assert all(f"| {name} |" in text for name in rows) and "bumps, 642 vertices" in text
-
-
-def test_the_strip_has_a_row_for_each_way_and_a_column_for_each_frame(tmp_path: Path) -> None:
-    moving = blendshape_animation(bumpy_sphere(4), 0, 3, 2)
-    scene = moving_scene(moving)
-    files = []
-    for number, mesh in enumerate(posed_meshes(moving)):
-        path = tmp_path / f"{number}.npz"
-        found = np.asarray(unshadowed_transfer(mesh.normals, 4), np.float16)[None]
-        write_frames(path, {"coefficients": found}, 0.0, 0.0)
-        files.append(path)
-    truth = Truth(scene, 4, 1, tuple(files), 0.0, 0.0)
-    config = DeformConfig("deform", 4, patches=2)
-    arrays = fit_deform(config, TrainingPoses(moving, truth.shards()))
-    picture = strip(DeformingModel(config, arrays, moving.mesh, {}), truth)
-    assert picture.width > 3 * SIZE and picture.height > 3 * SIZE
+    monkeypatch.setattr(pictures, "FRAMES", 3)
+    monkeypatch.setattr(pictures, "SIZE", 48)
+    files = tmp_path / "strip.png", tmp_path / "face.webp"
+    pictures.main(tmp_path / "work" / "model.npz", tmp_path / "work" / "bumps.npz", "", 8, *files)
+    with Image.open(files[1]) as picture:
+        assert isinstance(picture, WebPImageFile) and picture.n_frames == 3
 
 
 def test_the_journeys_run_and_leave_what_was_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,15 +95,6 @@ def test_the_yardstick_finds_nothing_wrong_with_the_truth_and_much_with_less_lig
     found = yardstick.against_bakes(0.1 * 2**0.5)
     assert found["equivalent_rays"] == pytest.approx(32) and found["bake_ms"] == pytest.approx(320)
     assert yardstick.against_bakes(0.05) == {"equivalent_rays": ">= 64"}
-
-
-def test_a_path_leads_from_pose_to_pose() -> None:
-    moving = blendshape_animation(bumpy_sphere(4), 0, 4, 2)
-    path = path_between(moving)
-    assert len(path) == 2 * STEPS + 1
-    np.testing.assert_allclose(path.parameters[[0, STEPS, -1]], moving.parameters[:3])
-    middle = (moving.parameters[0] + moving.parameters[1]) / 2
-    np.testing.assert_allclose(path.parameters[STEPS // 2], middle, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["cloth", "figure", "bumps"])

@@ -18,8 +18,8 @@ pytestmark = pytest.mark.filterwarnings(
 )
 
 
-def test_all_eight_are_there() -> None:
-    assert [path.stem[0] for path in NOTEBOOKS] == list("12345678")
+def test_all_nine_are_there() -> None:
+    assert [path.stem[0] for path in NOTEBOOKS] == list("123456789")
 
 
 @pytest.mark.slow

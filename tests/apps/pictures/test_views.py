@@ -52,3 +52,16 @@ def test_front_looks_at_what_faces_z() -> None:
     front, back = (shade_view(cast_view(ball, view, 65), nose)[0][..., 0] for view in ("front", "back"))
     column = np.average(np.arange(65), weights=front.sum(0))
     assert abs(column - 32) < 0.5 and not back.any()
+
+
+def test_poses_around_one_mesh_do_not_move_the_camera() -> None:
+    """A ball half as large, to the right, covers what it covers of the frame of the large one."""
+    large = icosphere(4)
+    small = large._replace(vertices=np.float32(0.5) * large.vertices + np.array([0.5, 0, 0], np.float32))
+    (_, one), (_, same), (_, half) = (
+        shade_view(cast_view(mesh, (0.0, 0.0), 64, around), np.ones((2562, 3), np.float32))
+        for mesh, around in ((large, None), (large, large), (small, large))
+    )
+    assert (one == same).all()
+    assert half.sum() / one.sum() == pytest.approx(0.25, rel=0.05)  # perspective: the middle is as far away
+    assert half[:, :32].sum() < 0.01 * half.sum() and half[:, 32:].sum() > 0.99 * half.sum()

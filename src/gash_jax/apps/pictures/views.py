@@ -14,6 +14,7 @@ from jaxtyping import Float, UInt8
 
 from gash_jax.geometry.bilinear import lookup
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.prt.rays import trace_geometry
 from gash_jax.prt.visibility import closest_hit
 
@@ -59,19 +60,23 @@ def _camera(view: Camera) -> tuple[np.ndarray, np.ndarray]:
     return eye / np.sin(FIELD_OF_VIEW / 2), np.stack([right, np.cross(right, forward), forward])
 
 
-def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512) -> Hit:
-    """Find what each of size x size pixels (times SAMPLES²) sees; the mesh fills the frame."""
-    geometry = trace_geometry(mesh)
+def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512, around: Mesh | None = None) -> Hit:
+    """Find what each of size x size pixels (times SAMPLES²) sees; the mesh fills the frame, or `around` would.
+
+    Poses that are shown one after the other take one `around`, or the camera would move with them.
+    """
+    framed = mesh if around is None else around
+    held = trace_geometry(framed).vertices
+    vertices = held if around is None else _placed(mesh, framed)
     eye, axes = _camera(view)
-    used = np.unique(mesh.faces)
-    seen = (geometry.vertices[used] - eye) @ axes.T
+    seen = (held[np.unique(framed.faces)] - eye) @ axes.T
     plane = seen[:, :2] / seen[:, 2:]
     middle, half = (plane.max(0) + plane.min(0)) / 2, np.ptp(plane, axis=0).max() / 2 * 1.06
     steps = ((np.arange(size * SAMPLES) + 0.5) / (size * SAMPLES) * 2 - 1) * half
     x, y = np.meshgrid(steps + middle[0], middle[1] - steps)
     directions = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ axes
     origins = np.broadcast_to(eye.astype(np.float32), directions.shape)
-    hits = closest_hit(geometry.vertices, geometry.faces)(
+    hits = closest_hit(vertices, mesh.faces)(
         np.ascontiguousarray(origins), np.ascontiguousarray(directions, np.float32)
     )
     found = hits.face >= 0
@@ -79,6 +84,13 @@ def cast_view(mesh: Mesh, view: Camera = "front", size: int = 512) -> Hit:
     weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], -1) * found[:, None]
     shape = (size * SAMPLES, size * SAMPLES, 3)
     return Hit(corners.reshape(shape), weights.reshape(shape).astype(np.float32), hits.face.reshape(shape[:2]))
+
+
+def _placed(mesh: Mesh, framed: Mesh) -> Float[np.ndarray, "v 3"]:
+    """The vertices of a mesh where they are in the trace space of another; loose ones in its middle."""
+    own, other = NormalisedMesh(mesh), NormalisedMesh(framed)
+    placed = (mesh.vertices.astype(np.float64) - other.center) / other.half_diagonal
+    return np.where(own.referenced[:, None], placed, 0).astype(np.float32)
 
 
 def toward_camera(mesh: Mesh, view: Camera = "front") -> Float[np.ndarray, "v 3"]:
