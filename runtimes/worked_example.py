@@ -165,8 +165,11 @@ def deforming() -> Rows:
     pose |= {"pose/matrix": sine_weights(6, 2), "pose/low": np.full(2, -1.0), "pose/high": np.full(2, 0.5)}
     both = {"mean": sine_weights(4, 4)}
     linear = {"middle": sine_weights(2), "weights": sine_weights(2, 3), "basis": sine_weights(3, 4, 4)}
-    patches = {"relevance": sine_weights(2, 2, 3), "poses": sine_weights(5, 2), "weights": sine_weights(2, 5, 3)}
-    patches |= {"patch": np.array([0, 0, 1, 1]), "neighbour": np.array([1, 0, 1, 0]), "basis": sine_weights(4, 4, 3)}
+    patches = {"relevance": sine_weights(2, 2, 3), "poses": sine_weights(5, 2), "neighbour": np.array([1, 0, 1, 0])}
+    patches |= {"patch": np.array([0, 0, 1, 1]), "row": np.array([2, 0, 3, 1])}
+    patches |= {"weights/0": sine_weights(2, 5, 1), "basis/0": sine_weights(4, 4, 1)}
+    patches |= {"weights/1": sine_weights(1, 5, 1), "basis/1": sine_weights(2, 4, 1)}
+    patches |= {"weights/2": sine_weights(1, 5, 2), "basis/2": sine_weights(2, 4, 2)}
     kinds = {"momo-prt": linear, "deform": patches}
     found = {n: gash.Model({"name": n, "bands": 2}, {**pose, **both, **arrays}) for n, arrays in kinds.items()}
     return [[f"`{n}`", _numbers(gash.predict_pose(m, VERTICES, NORMALS)[VERTEX])] for n, m in found.items()]

@@ -1,6 +1,5 @@
 """Pictures of objects that deform: the strip, and the movie of a model beside its reference."""
 
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -21,6 +21,7 @@ from gash_jax.models.deform import (
     divide_surface,
     local_coefficients,
     local_frames,
+    matern,
     pose_kernel,
     relevance,
     without_rigid,
@@ -105,6 +106,11 @@ def test_collapsed_and_distant_poses_are_finite(model: DeformingModel) -> None:
     for positions in (collapsed, np.zeros_like(collapsed), 1e6 * MOVING.frame(2)):
         assert np.isfinite(model(positions)).all()
     assert model.outside(1e6 * MOVING.frame(2)) and not model.outside(MOVING.frame(2))
+
+
+def test_normals_made_beside_the_coefficients_are_those_of_the_pose(model: DeformingModel) -> None:
+    positions = MOVING.frame(4)
+    np.testing.assert_allclose(model(positions), model.coefficients(model.pose(positions)), atol=2e-5)
 
 
 def test_positions_of_another_mesh_are_refused(model: DeformingModel) -> None:
@@ -238,6 +244,10 @@ def test_the_relevance_of_a_number_is_how_it_changes_what_is_near() -> None:
 def test_patches_and_the_kernel() -> None:
     patch, middles = divide_surface(MESH.vertices.astype(float), 6)
     assert set(patch) == set(range(6)) and len(middles) == 6 and np.bincount(patch).max() < 2 * COUNT / 6
-    one = np.array([[0.0, 0], [3, 4]])
     far = np.sqrt(3) * 5 / 4
-    np.testing.assert_allclose(pose_kernel(one, one), [[1, (1 + far) * np.exp(-far)], [(1 + far) * np.exp(-far), 1]])
+    np.testing.assert_allclose(matern(np.array([0.0, 25])), [1, (1 + far) * np.exp(-far)])
+    arrays: Any = fitted("deform", 0.8 * BARE).arrays
+    pose = arrays["poses"][3] + np.float32(0.1)
+    apart = (arrays["poses"] - pose[None]) @ arrays["relevance"]  # f' - f of every patch
+    found = pose_kernel({name: jnp.asarray(array) for name, array in arrays.items()}, jnp.asarray(pose))
+    np.testing.assert_allclose(found, matern((apart**2).sum(axis=2)), atol=1e-5)

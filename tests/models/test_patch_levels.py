@@ -15,7 +15,7 @@ K, POSES = 4, 5
 
 
 def energies(count: int) -> np.ndarray:
-    return -np.sort(-RNG.exponential(size=(count, ENDS[-1])) ** 4, axis=1)
+    return -np.sort(-(RNG.exponential(size=(count, ENDS[-1])) ** 4), axis=1)
 
 
 def some_patches() -> Patches:
@@ -79,4 +79,6 @@ def test_tables_give_back_what_was_kept() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
         turned = jax.jit(say_levels)(held, jnp.asarray(kernel[tables["order"]]))
         np.testing.assert_allclose(turned, found, rtol=1e-5, atol=1e-5)
-        assert sum(len(tables[f"basis/{level}"]) for level in range(len(LEVELS))) == sum(given[patch] for patch in PATCH)
+        assert sum(len(tables[f"basis/{level}"]) for level in range(len(LEVELS))) == sum(
+            given[patch] for patch in PATCH
+        )

@@ -35,7 +35,14 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.models.kernel_regression import fit_low_rank
 from gash_jax.models.patch_levels import ENDS, LEVEL_SHAPES, MEGABYTE, Patches, level_arrays, say_levels
-from gash_jax.models.pose_reader import fit_reader, read_pose, reader_arrays, reader_of, spread_in_faces, spread_vertices
+from gash_jax.models.pose_reader import (
+    fit_reader,
+    read_pose,
+    reader_arrays,
+    reader_of,
+    spread_in_faces,
+    spread_vertices,
+)
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import posed_meshes
@@ -61,6 +68,7 @@ DEFORM_SHAPES: dict[str, tuple[int | str, ...]] = {
     "neighbour": ("v",),
     "relevance": ("q", "p", "w"),
     "poses": ("t", "p"),
+    "lengths": ("q", "t"),
     "mean": ("v", "k"),
     **LEVEL_SHAPES,
 }
@@ -119,15 +127,22 @@ def relevance(
     return np.pad(found, ((0, 0), (0, WAYS - found.shape[1])))
 
 
-def pose_kernel(
-    first: Float[Array | np.ndarray, "... a p"], second: Float[Array | np.ndarray, "... t p"]
-) -> Float[Array | np.ndarray, "... a t"]:
-    """The kernel of weighted poses (module docstring)."""
-    xp = first.__array_namespace__()
-    products = first @ xp.swapaxes(second, -1, -2)
-    ends = xp.sum(first * first, axis=-1)[..., :, None] + xp.sum(second * second, axis=-1)[..., None, :]
-    far = xp.sqrt(3 * xp.maximum(ends - 2 * products, 1e-12)) / REACH  # the root of 0 has no gradient
+def matern(squares: Float[Array | np.ndarray, "..."]) -> Float[Array | np.ndarray, "..."]:
+    """The kernel of squared distances of f (module docstring)."""
+    xp = squares.__array_namespace__()
+    far = xp.sqrt(3 * xp.maximum(squares, 1e-12)) / REACH  # the root of 0 has no gradient
     return (1 + far) * xp.exp(-far)
+
+
+def pose_kernel(arrays: dict[str, Any], pose: Float[Array, "p"]) -> Float[Array, "q t"]:
+    """The kernel of a pose and those of the training, of each patch.
+
+    |f - f'|² = |f|² - 2 f.f' + |f'|², the last in `lengths`: to make f' would take longer than all the rest.
+    """
+    near = arrays["relevance"]
+    seen = pose @ near  # (q, w)
+    products = jnp.einsum("qpw,qw->qp", near, seen) @ arrays["poses"].T
+    return matern(jnp.sum(seen * seen, axis=1)[:, None] - 2 * products + arrays["lengths"])
 
 
 def local_frames(
@@ -163,6 +178,8 @@ class Fitted(NamedTuple):
 
 def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
     """The regressions of all patches."""
+    from scipy.spatial.distance import pdist, squareform  # slow to import, and a prediction does without
+
     mesh, (reader, rows) = poses.animation.mesh, fit_reader(poses.animation)
     points, neighbour = mesh.vertices.astype(np.float64), carried_normals(mesh, mesh.faces).neighbour
     patch, middles = divide_surface(points, config.patches)
@@ -179,7 +196,7 @@ def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
         if len(own):
             seen = rows @ near[number]
             outputs = local[:, own].astype(np.float32).reshape(len(rows), -1)
-            found = fit_low_rank(np.asarray(pose_kernel(seen, seen)), outputs, rank, config.ridge)
+            found = fit_low_rank(matern(squareform(pdist(seen, "sqeuclidean"))), outputs, rank, config.ridge)
             mean[own], weights[number], energy[number] = found.mean.reshape(-1, size), found.dual, found.energy
             basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
     arrays = {"neighbour": neighbour, "poses": rows, **reader_arrays(reader)}
@@ -190,9 +207,11 @@ def cut_to_size(fitted: Fitted, mesh: Mesh, megabytes: float) -> dict[str, Any]:
     """The arrays of a model whose file takes about so many megabytes, or what it takes at the least."""
     patches, halves = fitted.patches, fitted.patches.mean.nbytes // 2
     numbers = sum(array.size for array in (*fitted.arrays.values(), fitted.relevance, *mesh)) + 2 * len(patches.patch)
+    numbers += len(fitted.relevance) * len(fitted.arrays["poses"])  # lengths
     tables = level_arrays(patches, MEGABYTE * megabytes - halves - 4 * numbers)
     relevance = fitted.relevance[tables.pop("order")]
-    arrays = {**fitted.arrays, **tables, "relevance": relevance}
+    lengths = (np.einsum("tp,qpw->qtw", fitted.arrays["poses"], relevance) ** 2).sum(axis=2)
+    arrays = {**fitted.arrays, **tables, "relevance": relevance, "lengths": lengths}
     return {name: np.asarray(array, np.float32) for name, array in arrays.items()}
 
 
@@ -205,9 +224,7 @@ def predict_deform(
     arrays: dict[str, Any], positions: Float[Array, "v 3"], normals: Float[Array, "v 3"]
 ) -> Float[Array, "v k"]:
     """Coefficients of a pose; the closed form where the frame of a vertex has vanished, 0 without a normal."""
-    pose, near = read_pose(reader_of(arrays), positions), arrays["relevance"]
-    seen = pose_kernel((pose @ near)[:, None], jnp.einsum("tp,qpw->qtw", arrays["poses"], near))
-    local = say_levels(arrays, seen[:, 0])
+    local = say_levels(arrays, pose_kernel(arrays, read_pose(reader_of(arrays), positions)))
     frames = local_frames(positions, normals, arrays["neighbour"].astype(jnp.int32))
     whole = jnp.any(frames[..., 0] != 0, axis=-1, keepdims=True)
     bare = unshadowed_transfer(normals, math.isqrt(local.shape[1]))

@@ -5,6 +5,7 @@ config. They also hold the rest and the faces, so that a pose can be checked and
 """
 
 import time
+from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,9 @@ from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.npz import check_arrays, names_in_npz, read_npz, write_npz
 from gash_jax.files.settings import ConfigError, from_dict
-from gash_jax.geometry.carried_normals import carried_normals, posed_mesh
+from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, posed_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.models.deforming import normals_of_pose
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.model import DEFORMING_FORMAT
 from gash_jax.models.pose_reader import POSE_SHAPES, poses_outside, reader_of
@@ -37,6 +39,19 @@ def _compiled(config: ModelConfig) -> Any:
     return jax.jit(partial(DEFORMING[config.name].predict, config))
 
 
+@cache
+def _compiled_from_positions(config: ModelConfig) -> Any:
+    """Normals and coefficients in one program: in two, with normals by NumPy, a frame takes twice as long."""
+
+    def say(arrays: Any, positions: Array, faces: Array, carried: CarriedNormals) -> Array:
+        placed = positions - positions[:1]
+        unit = jnp.maximum(jnp.max(jnp.abs(placed)), 1e-30)  # squares of areas would leave the range of float32
+        normals = normals_of_pose(placed / unit, faces, carried)
+        return DEFORMING[config.name].predict(config, arrays, positions, normals)
+
+    return jax.jit(say)
+
+
 class DeformingModel:
     """A model of one object: `model(positions)` gives (v, k) coefficients of a pose of it.
 
@@ -47,7 +62,7 @@ class DeformingModel:
         self.config: Any = config
         self.mesh, self.metadata = mesh, metadata
         self.arrays = {name: np.asarray(array, np.float32) for name, array in arrays.items()}
-        self._carried = carried_normals(mesh, mesh.faces)
+        self._carried, self._faces = carried_normals(mesh, mesh.faces), jnp.asarray(mesh.faces)
         self._held = {name: jnp.asarray(array) for name, array in self.arrays.items()}
 
     def pose(self, positions: ArrayLike | Array) -> Mesh:
@@ -78,7 +93,8 @@ class DeformingModel:
 
     def __call__(self, positions: ArrayLike | Array) -> Float[Array, "v k"]:
         """Coefficients of all vertices of a pose."""
-        return self.coefficients(self.pose(positions))
+        checked = jnp.asarray(self._checked(positions))
+        return _compiled_from_positions(self.config)(self._held, checked, self._faces, self._carried)
 
     def predict(self, positions: ArrayLike | Array) -> Transfer:
         """The transfer of a pose."""
@@ -95,17 +111,19 @@ class DeformingModel:
         return poses_outside(reader_of(self.arrays), self._checked(positions)) > 0
 
 
+def as_stored(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Arrays in the precision of a model file."""
+    halves = {name for name in arrays if name.split("/")[0] in HALVES}
+    return {name: np.asarray(a, np.float16 if name in halves else np.float32) for name, a in arrays.items()}
+
+
 def save_deforming_model(
     path: str | Path, config: ModelConfig, arrays: dict[str, Any], mesh: Mesh, **metadata: Any
 ) -> None:
     """Write a model file; `metadata` entries go in beside the config."""
-    kept = {
-        name: np.asarray(array, np.float16 if name.split("/")[0] in HALVES else np.float32)
-        for name, array in arrays.items()
-    }
     rest = dict(zip(REST, (mesh.vertices, mesh.normals, mesh.faces.astype(np.float32)), strict=True))
     header = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
-    write_npz(path, {**kept, **rest}, header)
+    write_npz(path, {**as_stored(arrays), **rest}, header)
 
 
 def deforming_model_file(name: str | Path) -> Path:

@@ -11,7 +11,7 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.parameterisation import parameterise
 from gash_jax.models.deep_prt import image_arrays, network_shapes
 from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.deforming_model import HALVES, DeformingModel
+from gash_jax.models.deforming_model import DeformingModel, as_stored
 from gash_jax.models.pose_reader import POSE_SHAPES
 from gash_jax.nn.unet import UNetConfig
 from gash_jax.shapes.primitives import bumpy_sphere, plane
@@ -22,7 +22,10 @@ ort = pytest.importorskip("onnxruntime", reason="needs onnxruntime to run what w
 from gash_jax.apps.exports.onnx_file import onnx_model, operators  # noqa: E402
 
 MESH = bumpy_sphere(3)
-SIZES = {"v": len(MESH.vertices), "k": 9, "r": 3, "p": 2, "s": 4, "d": 12, "q": 2, "t": 5}
+SIZES = {"v": len(MESH.vertices), "k": 9, "r": 3, "p": 2, "s": 4, "d": 12, "q": 2, "t": 5, "w": 3}
+ROWS = (SIZES["v"], 30, 30, 30, 30, 0, 0)  # of each level
+SIZES |= {f"rows {level}": count for level, count in enumerate(ROWS)}
+SIZES |= {f"patches {level}": count for level, count in enumerate((2, 1, 1, 1, 1, 0, 0))}
 
 
 def model_of(name: str) -> DeformingModel:
@@ -30,12 +33,15 @@ def model_of(name: str) -> DeformingModel:
     rng, config = np.random.default_rng(0), from_dict(DEFORMING[name].config, {"name": name, "bands": 3})
     shapes = {**POSE_SHAPES, **DEFORMING[name].shapes(config)}
     arrays: dict[str, Any] = {
-        key: rng.normal(0, 0.3, [SIZES.get(str(side)) or int(side) for side in shape]) for key, shape in shapes.items()
+        key: rng.normal(0, 0.3, [SIZES[side] if isinstance(side, str) else side for side in shape])
+        for key, shape in shapes.items()
     }
     arrays |= {"pose/sample": rng.integers(0, SIZES["v"], 4), "pose/low": -np.ones(2), "pose/high": np.ones(2)}
-    arrays |= {key: arrays[key].astype(np.float16) for key in HALVES}
+    arrays = as_stored(arrays)
     if name == "deform":
-        arrays |= {"patch": rng.integers(0, 2, SIZES["v"]), "neighbour": rng.integers(0, SIZES["v"], SIZES["v"])}
+        arrays |= {"patch": np.arange(SIZES["v"]) >= 30, "neighbour": rng.integers(0, SIZES["v"], SIZES["v"])}
+        arrays |= {"row": rng.permutation(SIZES["v"])}
+        arrays |= {"lengths": ((arrays["poses"] @ arrays["relevance"]) ** 2).sum(axis=2)}
     return DeformingModel(config, arrays, MESH, {})
 
 
@@ -78,8 +84,7 @@ def test_the_network_over_images_equals_jax(mesh: Mesh, blocks: int) -> None:
 @pytest.mark.parametrize("name", ["momo-prt", "deform"])
 def test_poses_equal_jax(name: str) -> None:
     model = model_of(name)
-    arrays = {key: a.astype(np.float16) if key in HALVES else a for key, a in model.arrays.items()}
-    proto = onnx_model(model.config, arrays, {})
+    proto = onnx_model(model.config, as_stored(model.arrays), {})
     assert not {"Scatter", "ScatterND", "ScatterElements", "Loop", "Scan"} & set(operators(proto))
     assert "Cast" in operators(proto), "the large arrays stay float16 in the file"
     assert proto.graph.output[0].type.tensor_type.shape.dim[0].dim_value == SIZES["v"]

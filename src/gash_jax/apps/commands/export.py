@@ -12,7 +12,7 @@ from gash_jax.apps.options import PATH, Command, output_option, quiet_option
 from gash_jax.apps.printing import number, say
 from gash_jax.files.atomic import FileError, check_writable
 from gash_jax.measure.half_weights import rounded, rounding_error
-from gash_jax.models.deforming_model import HALVES, is_deforming, load_deforming_model, save_deforming_model
+from gash_jax.models.deforming_model import as_stored, is_deforming, load_deforming_model, save_deforming_model
 from gash_jax.models.model import Model, load_model, model_file, save_model, shipped_models
 from gash_jax.nn.config import ModelConfig
 from gash_jax.train.run import best_so_far
@@ -84,7 +84,7 @@ def _deforming(file: Path, output: Path, half: bool, written: bool) -> tuple[Wei
     fitted = load_deforming_model(file)
     if written:
         save_deforming_model(output, fitted.config, fitted.arrays, fitted.mesh, **fitted.metadata)
-    arrays = {name: a.astype(np.float16) if name in HALVES else a for name, a in fitted.arrays.items()}
+    arrays = as_stored(fitted.arrays)
     return Weights(fitted.config, arrays, fitted.metadata), sum(array.size for array in arrays.values())
 
 

@@ -15,6 +15,7 @@ from gash_jax.apps.exports.directions import (
 )
 from gash_jax.apps.exports.graph import Graph, Value
 from gash_jax.models.deform import REACH
+from gash_jax.models.patch_levels import LEVELS
 
 
 def write_momo(g: Graph, config: Any) -> Value:
@@ -31,15 +32,27 @@ def write_deform(g: Graph, config: Any) -> Value:
     apart = (_pose(g) - g.weight("poses")).unsqueeze(0) @ g.weight("relevance")  # (q, t, w)
     far = ((apart * apart).sum(2).maximum(1e-12) * 3.0).apply("Sqrt") / REACH
     kernel = (1.0 + far) * (-far).apply("Exp")
-    scores = (kernel.unsqueeze(1) @ g.weight("weights")).reshape(-1, g.weights["weights"].shape[2])
-    of_vertex = scores.take(indices(g, "patch")).unsqueeze(2)
-    local = g.weight("mean") + (g.weight("basis") @ of_vertex).reshape(count, size)
+    local = _levels(g, kernel)
     axes = _frames(g, components(_own_position(g)), components(normals))
     frames = g.stack([g.stack(axis) for axis in axes])
     turned = rotate_coefficients(g, local, frames, config.bands)
     whole = dot(axes[0], axes[0]).unsqueeze(1) > 0.0
     found = g.where(whole, turned, unshadowed_transfer(g, normals, config.bands))
     return zero_without_normal(g, found, normals)
+
+
+def _levels(g: Graph, kernel: Value) -> Value:
+    """What the patches say, level by level, each of the first patches and rows."""
+    rows, (vertices, k) = g.weight("mean"), g.weights["mean"].shape
+    for level in range(len(LEVELS)):
+        (patches, _, width), count = g.weights[f"weights/{level}"].shape, len(g.weights[f"basis/{level}"])
+        if count:
+            first = kernel.take(g.constant(np.arange(patches))).unsqueeze(1)
+            scores = (first @ g.weight(f"weights/{level}")).reshape(-1, width)
+            own = scores.take(g.constant(g.weights["patch"][:count].astype(np.int64))).unsqueeze(2)
+            more = (g.weight(f"basis/{level}") @ own).reshape(count, k)
+            rows = rows + g.add("Pad", more, np.array([0, 0, vertices - count, 0]))
+    return rows.take(indices(g, "row"))
 
 
 def pose_position(g: Graph, count: int) -> Value:
