@@ -28,7 +28,7 @@ from gash_jax.train.image_training import fit_deep_prt
 from gash_jax.train.target import target_light
 from runtimes import gash_numpy
 
-BANDS, CHANNELS = 4, 48
+BANDS, FRAMES = 4, 3
 UNET = UNetConfig("deep-prt", bands=BANDS, size=16, channels=16, levels=1)
 MOMO = MomoConfig("momo-prt", bands=BANDS, rank=3, ridge=1e-6)
 TURN = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
@@ -40,7 +40,7 @@ COUNT = len(MESH.vertices)
 def moving(tmp_path_factory: pytest.TempPathFactory) -> Animation:
     """A body that turns about the vertical: under a light that stays, radiance changes everywhere."""
     path = tmp_path_factory.mktemp("turns") / "turns.npz"
-    turns = [np.linalg.matrix_power(TURN, count) for count in range(4)]
+    turns = [np.linalg.matrix_power(TURN, count) for count in range(FRAMES)]
     np.savez(path, verts=np.stack([MESH.vertices @ turn for turn in turns]).astype(np.float32), faces=MESH.faces)
     return load_animation(path)
 
@@ -66,7 +66,7 @@ def truth(bakes: list[Transfer], light: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def network(moving: Animation, truth: np.ndarray, light: np.ndarray, tmp_path_factory: Any) -> DeformingModel:
-    train = TrainConfig(steps=300, batch_frames=4)
+    train = TrainConfig(steps=300, batch_frames=FRAMES)
     run = RunConfig("toy", UNET, optim=OptimConfig(2e-2, 0.0), train=train)
     poses = TrainingPoses(moving, [truth.astype(np.float16)])
     arrays = fit_deep_prt(run, poses, tmp_path_factory.mktemp("run"), lambda part: None)
@@ -92,15 +92,14 @@ def said(model: DeformingModel, moving: Animation) -> np.ndarray:
     return np.stack([np.asarray(model.radiance(frame)).reshape(COUNT, -1) for frame in moving.frames()])
 
 
-def test_the_network_overfits_four_frames(network: DeformingModel, moving: Animation, truth: np.ndarray) -> None:
+def test_the_network_overfits_three_frames(network: DeformingModel, moving: Animation, truth: np.ndarray) -> None:
     """Seen are errors of 0.18; known bad: the mean of the frames, and colours in another order."""
     found = said(network, moving)
     assert relrmse(found, truth) < 0.25 and relrmse(truth.mean(axis=0, keepdims=True), truth) > 0.5
-    by_colour = truth.reshape(4, COUNT, BANDS**2, 3).swapaxes(2, 3).reshape(truth.shape)
+    by_colour = truth.reshape(FRAMES, COUNT, BANDS**2, 3).swapaxes(2, 3).reshape(truth.shape)
     assert relrmse(found, by_colour) > 0.5
-    for channel in (0, 2, 47):  # each has a range of its own
-        apart = network.arrays["high"][channel] - network.arrays["low"][channel]
-        assert apart == pytest.approx(np.ptp(truth[..., channel]), rel=0.2)
+    apart, ranges = network.arrays["high"] - network.arrays["low"], np.ptp(truth, axis=(0, 1))
+    assert np.corrcoef(apart, ranges)[0, 1] > 0.9 and np.ptp(ranges) > 0.5 * ranges.max()  # each channel has its own
 
 
 def test_the_linear_model_has_the_frames_it_was_fitted_to(
