@@ -78,8 +78,9 @@ def test_the_network_over_images_equals_jax(mesh: Mesh, blocks: int) -> None:
 
 def test_radiance_under_a_light_equals_jax() -> None:
     transfer, light = model_of("momo-prt"), np.arange(27.0).reshape(9, 3)
-    wide = {name: np.repeat(transfer.arrays[name], 3, axis=-1) for name in ("mean", "basis")}
-    wide["mean"] = wide["mean"] * np.linspace(0.5, 2, 27)[None]  # colours differ
+    colours = np.linspace(0.5, 2, 27, dtype=np.float32)
+    wide = {"mean": np.repeat(transfer.arrays["mean"], 3, axis=-1) * colours[None]}
+    wide["basis"] = np.repeat(transfer.arrays["basis"], 3, axis=-1) * colours[None, None]
     model = DeformingModel(transfer.config, {**transfer.arrays, **wide, "light": light}, MESH, {})
     proto = onnx_model(model.config, model.arrays, {})
     (output,) = proto.graph.output
