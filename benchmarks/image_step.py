@@ -50,7 +50,8 @@ def slope_over_gradient(config: UNetConfig, state: Any, inputs: jax.Array, targe
     @jax.jit
     def loss(params: Any) -> jax.Array:
         variables = {"params": params, "batch_stats": state.means}
-        found = build_unet(config).apply(variables, inputs, training=True, mutable=["batch_stats"])[0]
+        network = build_unet(config, targets.shape[-1])
+        found: Any = network.apply(variables, inputs, training=True, mutable=["batch_stats"])[0]
         return jnp.mean(jnp.abs(found - targets))
 
     def length(tree: Any) -> float:
@@ -68,7 +69,7 @@ def slope_over_gradient(config: UNetConfig, state: Any, inputs: jax.Array, targe
 def measure(run: RunConfig, images: Images) -> dict[str, Any]:
     """Figures of one config, and what a step does to the loss of its own batch."""
     config, optimizer = cast("UNetConfig", run.model), make_optimizer(run.optim)
-    state = initial_state(run)
+    state = initial_state(run, len(images.low))
     inputs, targets = (jnp.asarray(part, jnp.float32) for part in (images.inputs, images.targets))
     slope = slope_over_gradient(config, state, inputs, targets)
     rate, static = jnp.float32(run.optim.learning_rate), {"config": config, "optimizer": optimizer}

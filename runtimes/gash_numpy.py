@@ -794,6 +794,8 @@ def load_deforming(path: str) -> Model:
         raise ValueError(f"{path} is no model of an object that deforms, version 1")
     if metadata["model"]["name"] not in ("momo-prt", "deform"):
         raise ValueError(f"{path} is a {metadata['model']['name']}, which gash_jax alone can run: use gash animate")
+    if "light" in arrays:
+        raise ValueError(f"{path} says radiance under a light, which gash_jax alone can shade: use gash animate")
     return Model(metadata["model"], arrays, metadata.get("name", ""))
 
 

@@ -102,7 +102,8 @@ def bake_rows(test: Frames, rows: slice, yardsticks: Sequence[Yardstick]) -> lis
 
 def fitted_models(poses: TrainingPoses) -> Iterator[tuple[str, RunConfig, dict[str, Any], float]]:
     """Name, config, arrays and CPU seconds of the fit of `momo-prt`, and of `deform` cut to every size."""
-    linear, ours = load_config("momo-prt"), load_config("deform")
+    linear: Any = load_config("momo-prt")
+    ours: Any = load_config("deform")
     started = time.process_time()
     arrays = fit_momo(linear.model, poses)
     yield "momo-prt", linear, arrays, time.process_time() - started

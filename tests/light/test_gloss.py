@@ -11,7 +11,7 @@ from gash_jax.algebra.closed_forms import hemisphere
 from gash_jax.algebra.sh import band_index
 from gash_jax.light.brdf import Lobe, ggx, phong
 from gash_jax.light.environment import project_map
-from gash_jax.light.gloss import arriving_radiance, glossy_radiance
+from gash_jax.light.gloss import arriving_radiance, glossy_radiance, reflected_radiance
 from gash_jax.light.shading import shade
 from gash_jax.light.studio import studio_light
 from gash_jax.prt.glossy import glossy_matrices
@@ -166,6 +166,18 @@ def test_what_cannot_be_meant_is_refused_in_one_line(changes: dict, words: str) 
     with pytest.raises(ValueError, match=words) as caught:
         shade(arguments.pop("transfer"), arguments.pop("light"), **arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_what_arrives_is_enough_to_shade() -> None:
+    transfer, eye, lobe = sphere(9, 3), np.array([1.0, 2, 6]), ggx(0.4)
+    arriving = arriving_radiance(transfer, jnp.asarray(light_of(3)))
+    found = reflected_radiance(np.asarray(arriving), transfer.mesh, eye, lobe)
+    np.testing.assert_allclose(found, shade(transfer, light_of(3), view=eye, lobe=lobe), atol=1e-6)
+    for wrong in (arriving[:-1], arriving[..., :2], arriving[..., 0], np.full(arriving.shape, "a")):
+        with pytest.raises(ValueError, match=r"give \(9, bands\^2, 3\), what arrives at each vertex"):
+            reflected_radiance(wrong, transfer.mesh, eye, lobe)
+    with pytest.raises(ValueError, match="8"):
+        reflected_radiance(arriving[:, :8], transfer.mesh, eye, lobe)
 
 
 def test_a_number_is_no_lobe() -> None:

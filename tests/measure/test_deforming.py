@@ -29,6 +29,13 @@ def test_accuracy_and_l1_by_hand() -> None:
     assert found["relrmse"] == pytest.approx(np.sqrt((0.01**2 + 0.1**2) / 0.5))
 
 
+def test_radiance_has_no_skill() -> None:
+    truth = RNG.normal(size=(2, len(MESH.vertices), 12))
+    found = scored(truth + 0.1, truth, coefficient_ranges([truth]), flicker=True)
+    assert set(found) == {"accuracy", "l1", "relrmse"} and found["l1"] == pytest.approx(0.1)
+    assert "skill" in scored(TRUTH + 0.1, TRUTH, coefficient_ranges([TRUTH]))
+
+
 def test_the_ranges_count_for_each_coefficient() -> None:
     ranges = coefficient_ranges([TRUTH[:2], TRUTH[2:]])
     np.testing.assert_allclose(ranges, np.ptp(TRUTH, axis=(0, 1)))

@@ -69,7 +69,7 @@ def test_texels_are_repeated() -> None:
 def test_the_configs_have_the_sizes_that_they_say() -> None:
     for name, millions, size in (("deep-prt", 11.7, 256), ("deep-prt-small", 2.07, 64)):
         config = load_config(name).model
-        shapes = network_shapes(config)  # type: ignore[arg-type]
+        shapes = network_shapes(config, config.bands**2)  # type: ignore[arg-type]
         found = sum(int(np.prod(shape)) for key, shape in shapes.items() if "/params/" in key)
         assert found == pytest.approx(1e6 * millions, rel=0.01) and config.size == size  # type: ignore[attr-defined]
 

@@ -8,17 +8,19 @@ B bands, so the sum is the integral of K_B V [n.w > 0] L_B exactly. It is not th
 horizon nor shadow.
 
 M is never formed: with the light's multiplier A_jic = sum_k G_ikj L_kc (`algebra.gaunt`) M L is one product of the
-visibility's coefficients with a small matrix.
+visibility's coefficients with a small matrix. Where M L is there already, as `models.deforming_model` says it of a
+pose, `reflected_radiance` is the rest of the sum.
 """
 
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from gash_jax.algebra.arguments import as_array, is_real, shown
+from gash_jax.algebra.arguments import ArrayLike, as_array, is_real, shown
 from gash_jax.algebra.gaunt import multiplier
 from gash_jax.algebra.numerics import safe_normalize
-from gash_jax.algebra.sh import band_index, evaluate_sh
+from gash_jax.algebra.sh import band_index, bands_of, evaluate_sh
+from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.brdf import Lobe
 from gash_jax.prt.glossy import glossy_arrays
 from gash_jax.prt.transfer import Transfer
@@ -29,6 +31,11 @@ def arriving_radiance(transfer: object, light: Float[Array, "k 3"]) -> Float[Arr
     visibility, matrices = glossy_arrays(transfer)
     if visibility is None:
         return jnp.einsum("vij,jc->vic", matrices, light, precision="highest")
+    return seen_radiance(visibility, light)
+
+
+def seen_radiance(visibility: Float[Array, "v j"], light: Float[Array, "k 3"]) -> Float[Array, "v k 3"]:
+    """(M L)_i from the visibility in 2B - 1 bands."""
     product = multiplier(light)
     flat = jnp.matmul(visibility, product.reshape(len(product), -1), precision="highest")
     return flat.reshape(len(visibility), *light.shape)
@@ -44,12 +51,24 @@ def glossy_radiance(transfer: object, light: Float[Array, "k 3"], view: object, 
         )
     arriving = arriving_radiance(transfer, light)
     assert isinstance(transfer, Transfer)  # else it has been refused
-    bands = transfer.bands
+    return reflected_radiance(arriving, transfer.mesh, view, lobe)
+
+
+def reflected_radiance(arriving: ArrayLike | Array, mesh: Mesh, view: object, lobe: object) -> Float[Array, "v 3"]:
+    """Radiance towards the viewer of what arrives, (M L)_i of shape (v, k, 3), on a mesh with its normals; `shade` says
+    what `view` and `lobe` may be. Raises ValueError for other shapes."""
+    found = as_array(arriving)
+    if found.ndim != 3 or found.shape[::2] != (len(mesh.vertices), 3) or not is_real(found):
+        raise ValueError(
+            f"radiance has shape {found.shape} {found.dtype}: give ({len(mesh.vertices)}, bands^2, 3), what arrives at "
+            "each vertex of the mesh"
+        )
+    bands = bands_of(found.shape[1])
     factors = _factors(lobe, bands)
-    normals, toward = jnp.asarray(transfer.normals), _toward(view, transfer)
+    normals, toward = jnp.asarray(mesh.normals), _toward(view, mesh)
     mirrored = 2 * jnp.sum(normals * toward, axis=-1, keepdims=True) * normals - toward
     weights = evaluate_sh(mirrored, bands) * factors[band_index(bands)][None]
-    return jnp.einsum("vk,vkc->vc", weights, arriving, precision="highest")
+    return jnp.einsum("vk,vkc->vc", weights, jnp.asarray(found, jnp.float32), precision="highest")
 
 
 def _factors(lobe: object, bands: int) -> Float[Array, "b"]:
@@ -61,9 +80,9 @@ def _factors(lobe: object, bands: int) -> Float[Array, "b"]:
     return jnp.asarray(found, jnp.float32)
 
 
-def _toward(view: object, transfer: Transfer) -> Float[Array, "v 3"]:
+def _toward(view: object, mesh: Mesh) -> Float[Array, "v 3"]:
     """Unit directions from the vertices towards the viewer."""
-    vertices = jnp.asarray(transfer.vertices)
+    vertices = jnp.asarray(mesh.vertices)
     found = as_array(view)
     if found.shape not in ((3,), vertices.shape) or not is_real(found):
         raise ValueError(

@@ -2,10 +2,12 @@
 
 Of estimates t and references t*, both (v, k) a frame, over all frames together: relrmse, skill and flicker as in
 `metrics`; L1, the mean of |t - t*|; *accuracy*, the share of entries with |t - t*| at most 2 % of the range of their
-coefficient, its largest less its smallest value over the training set (DeepPRT, 4.1).
+coefficient, its largest less its smallest value over the training set (DeepPRT, 4.1). Radiance under a light counts as
+(v, 3 k); it has no skill.
 """
 
 from collections.abc import Iterable
+from math import isqrt
 
 import numpy as np
 from jaxtyping import Float
@@ -37,10 +39,11 @@ class SequenceScores:
             raise ValueError(f"shapes differ: {estimate.shape} against {reference.shape}; same mesh, same bands needed")
         truth = reference.astype(np.float64)
         error = estimate.astype(np.float64) - truth
-        bare = np.asarray(unshadowed_transfer(normals, round(error.shape[1] ** 0.5)))
+        bands = isqrt(error.shape[1])
         self._square += float(np.sum(error**2))
         self._energy += float(np.sum(truth**2))
-        self._formula += float(np.sum((bare - truth) ** 2))
+        if bands**2 == error.shape[1]:  # the 3 bands² of radiance have no formula, and are never a square
+            self._formula += float(np.sum((np.asarray(unshadowed_transfer(normals, bands)) - truth) ** 2))
         self._absolute += float(np.sum(np.abs(error)))
         self._right += int(np.sum(np.abs(error) <= SHARE * self._ranges))
         self._count += error.size

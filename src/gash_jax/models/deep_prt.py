@@ -2,7 +2,8 @@
 
 Positions and normals of a pose become an image of six channels by the map of the rest, the network makes images of the
 coefficients of them, each within the range that it had in training, widened a little, and every vertex takes its own
-from the four texels around it. The network is trained by `train.image_training`.
+from the four texels around it. Of a glossy surface they are images of the radiance that arrives under one light, T_G of
+the paper. The network is trained by `train.image_training`.
 """
 
 from collections.abc import Mapping
@@ -57,28 +58,28 @@ def network_variables(arrays: Mapping[str, Any]) -> Any:
 
 
 @cache
-def network_shapes(config: UNetConfig) -> dict[str, tuple[int, ...]]:
+def network_shapes(config: UNetConfig, outputs: int) -> dict[str, tuple[int, ...]]:
     """Shapes of all arrays of the network, by name; nothing is computed."""
     image = jax.ShapeDtypeStruct((1, config.size, config.size, INPUTS), jnp.float32)
-    found = jax.eval_shape(build_unet(config).init, jax.eval_shape(lambda: jax.random.key(0)), image)
+    found = jax.eval_shape(build_unet(config, outputs).init, jax.eval_shape(lambda: jax.random.key(0)), image)
     leaves: dict[str, Any] = flatten_dict(found, sep="/")  # type: ignore[assignment]
     return {NET + name: leaf.shape for name, leaf in leaves.items()}
 
 
-def deep_prt_shapes(config: UNetConfig) -> dict[str, tuple[int | str, ...]]:
-    """Shapes of all arrays of a model file but those of the rest and the pose."""
-    n, k = config.size, config.bands**2
+def deep_prt_shapes(config: UNetConfig, outputs: int) -> dict[str, tuple[int | str, ...]]:
+    """Shapes of all arrays of a model file but those of the rest, the pose and the light."""
+    n, ends = config.size, {"low": (outputs,), "high": (outputs,)}
     corners: dict[str, tuple[int | str, ...]] = {"image/corners": (n, n, 3), "image/barycentric": (n, n, 3)}
     corners |= {"image/members": ("e", "w"), "image/shares": ("e", "w")}
     corners |= {"image/texels": ("v", 4), "image/bilinear": ("v", 4)}
-    return {**corners, "input/middle": (3,), "input/size": (1,), "low": (k,), "high": (k,), **network_shapes(config)}
+    return {**corners, "input/middle": (3,), "input/size": (1,), **ends, **network_shapes(config, outputs)}
 
 
 def predict_deep_prt(
     config: UNetConfig, arrays: Mapping[str, Any], positions: Float[Array, "v 3"], normals: Float[Array, "v 3"]
-) -> Float[Array, "v k"]:
-    """Coefficients of a pose."""
+) -> Float[Array, "v c"]:
+    """What the network says of a pose, all of its channels."""
     seen = pose_image(arrays, positions, normals)
-    shares = build_unet(config).apply(network_variables(arrays), seen[None])[0]  # type: ignore[index]
+    shares = build_unet(config, len(arrays["low"])).apply(network_variables(arrays), seen[None])[0]  # type: ignore[index]
     low, high = (arrays[name][None, None] for name in ("low", "high"))
     return image_of(arrays).from_image(low + (high - low) * shares)

@@ -127,7 +127,7 @@ def relevance(
     return np.pad(found, ((0, 0), (0, WAYS - found.shape[1])))
 
 
-def matern(squares: Float[Array | np.ndarray, "..."]) -> Float[Array | np.ndarray, "..."]:
+def matern(squares: Float[Any, "..."]) -> Float[Any, "..."]:
     """The kernel of squared distances of f (module docstring)."""
     xp = squares.__array_namespace__()
     far = xp.sqrt(3 * xp.maximum(squares, 1e-12)) / REACH  # the root of 0 has no gradient

@@ -1,7 +1,8 @@
-"""A fitted model of one object that deforms, as one value: config and arrays in, a pose in, coefficients out.
+"""A fitted model of one object that deforms, as one value: config and arrays in, a pose in, coefficients out, or of a
+glossy surface the radiance that arrives at it under one light.
 
 Files are npz as those of `model`: float32 arrays by name, the large ones float16, and JSON metadata with the full
-config. They also hold the rest and the faces, so that a pose can be checked and given its normals.
+config. They also hold the rest and the faces, so that a pose can be checked and given its normals, and the light.
 """
 
 import time
@@ -32,6 +33,7 @@ FORMAT, FORMAT_VERSION = DEFORMING_FORMAT, 1
 HALVES = ("mean", "basis")  # that are written in float16; rounded weights alone would make an error of .012
 FAR = 1e36  # of float32 coordinates: sums of a few hundred of them are finite
 REST = ("rest/vertices", "rest/normals", "rest/faces")
+LIGHT = "light"  # the coefficients (bands², 3) of the light, of a model of radiance
 
 
 @cache
@@ -53,7 +55,8 @@ def _compiled_from_positions(config: ModelConfig) -> Any:
 
 
 class DeformingModel:
-    """A model of one object: `model(positions)` gives (v, k) coefficients of a pose of it.
+    """A model of one object: `model(positions)` gives (v, k) coefficients of a pose of it, `model.radiance(positions)`,
+    where it has a `light`, the radiance (v, k, 3) that arrives under it.
 
     Positions are those of all vertices, in the units and the order of the mesh that it was fitted to.
     """
@@ -87,12 +90,40 @@ class DeformingModel:
             )
         return found
 
-    def coefficients(self, mesh: Mesh) -> Float[Array, "v k"]:
-        """Coefficients of a pose that has its normals."""
+    @property
+    def light(self) -> Float[np.ndarray, "k 3"] | None:
+        """Coefficients of the light that a model of radiance is of; None where the model says transfer."""
+        return self.arrays.get(LIGHT)
+
+    def outputs(self, mesh: Mesh) -> Float[Array, "v c"]:
+        """All that the model says of a pose that has its normals: coefficients, or radiance, flat."""
         return _compiled(self.config)(self._held, jnp.asarray(mesh.vertices), jnp.asarray(mesh.normals))
 
+    def coefficients(self, mesh: Mesh) -> Float[Array, "v k"]:
+        """Coefficients of a pose that has its normals. Raises ValueError for a model of radiance."""
+        self._check_transfer()
+        return self.outputs(mesh)
+
+    def radiance(self, positions: ArrayLike | Array) -> Float[Array, "v k 3"]:
+        """What arrives at all vertices of a pose under `light`, in its bands; `light.gloss.reflected_radiance` shades.
+
+        Raises ValueError for a model of transfer.
+        """
+        if self.light is None:
+            raise ValueError("this model says transfer, which is for any light: take model(positions)")
+        return self._said(positions).reshape(-1, *self.light.shape)
+
     def __call__(self, positions: ArrayLike | Array) -> Float[Array, "v k"]:
-        """Coefficients of all vertices of a pose."""
+        """Coefficients of all vertices of a pose. Raises ValueError for a model of radiance."""
+        self._check_transfer()
+        return self._said(positions)
+
+    def _check_transfer(self) -> None:
+        if self.light is not None:
+            raise ValueError("this model says radiance under a light, not transfer: take model.radiance(positions)")
+
+    def _said(self, positions: ArrayLike | Array) -> Float[Array, "v c"]:
+        """All that the model says of a pose, its normals made on the way."""
         checked = jnp.asarray(self._checked(positions))
         return _compiled_from_positions(self.config)(self._held, checked, self._faces, self._carried)
 
@@ -154,8 +185,10 @@ def load_deforming_model(name: str | Path) -> DeformingModel:
         config = from_dict(DEFORMING[values["name"]].config, values, "model.")
     except ConfigError as error:
         raise FileError(f"{path} was written by another version of gash_jax: {error}") from None
+    outputs = config.bands**2 * (3 if LIGHT in arrays else 1)
     rest: dict[str, tuple[int | str, ...]] = {REST[0]: ("v", 3), REST[1]: ("v", 3), REST[2]: ("f", 3)}
-    check_arrays(path, "model", arrays, {**rest, **POSE_SHAPES, **DEFORMING[config.name].shapes(config)})
+    rest |= {**POSE_SHAPES, LIGHT: (config.bands**2, 3)}
+    check_arrays(path, "model", arrays, {**rest, **DEFORMING[config.name].shapes(config, outputs)}, (LIGHT,))
     vertices, normals, faces = (arrays.pop(name) for name in REST)
     mesh = Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces.astype(np.int32))
     return DeformingModel(config, arrays, mesh, metadata)

@@ -25,12 +25,9 @@ class MomoConfig(ModelConfig):
     ridge: float = setting(0.0, "ridge, relative to the variance of the poses; 0: by leaving one pose out", least=0)
 
 
-MOMO_SHAPES: dict[str, tuple[int | str, ...]] = {
-    "middle": ("p",),
-    "mean": ("v", "k"),
-    "weights": ("p", "r"),
-    "basis": ("r", "v", "k"),
-}
+def momo_shapes(outputs: int) -> dict[str, tuple[int | str, ...]]:
+    """Shapes of the arrays of a model that says so many numbers of a vertex."""
+    return {"middle": ("p",), "mean": ("v", outputs), "weights": ("p", "r"), "basis": ("r", "v", outputs)}
 
 
 def fit_momo(config: MomoConfig, poses: TrainingPoses) -> dict[str, Any]:
@@ -52,8 +49,8 @@ def fit_momo(config: MomoConfig, poses: TrainingPoses) -> dict[str, Any]:
 
 def predict_momo(
     arrays: dict[str, Any], positions: Float[Array, "v 3"], normals: Float[Array, "v 3"]
-) -> Float[Array, "v k"]:
-    """Coefficients of a pose; its normals are not needed."""
+) -> Float[Array, "v c"]:
+    """Coefficients of a pose, or radiance; its normals are not needed."""
     scores = (read_pose(reader_of(arrays), positions) - arrays["middle"]) @ arrays["weights"]
     basis = arrays["basis"]
     return arrays["mean"] + (scores @ basis.reshape(len(basis), -1)).reshape(basis.shape[1:])

@@ -1,4 +1,6 @@
-"""What a model of a deforming object is fitted to: an animation, and the coefficients of all its frames."""
+"""What a model of a deforming object is fitted to: an animation, and the coefficients of all its frames, or
+the radiance that arrives under a light, of each coefficient red, green and blue.
+"""
 
 from typing import NamedTuple
 
@@ -9,7 +11,7 @@ from gash_jax.geometry.animation import Animation
 
 
 class TrainingPoses(NamedTuple):
-    """Frames and their transfer, in files of some frames each."""
+    """Frames and what is said of them, c numbers a vertex, in files of some frames each."""
 
     animation: Animation
-    shards: list[Float[np.ndarray, "t v k"]]  # float16; may be memory maps
+    shards: list[Float[np.ndarray, "t v c"]]  # float16; may be memory maps

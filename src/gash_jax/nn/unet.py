@@ -87,6 +87,6 @@ def _doubled(x: Float[Array, "b n n c"]) -> Float[Array, "b m m c"]:
     return jnp.broadcast_to(x[:, :, None, :, None], (b, n, 2, m, 2, c)).reshape(b, 2 * n, 2 * m, c)
 
 
-def build_unet(config: UNetConfig) -> UNet:
-    """The network of a config."""
-    return UNet(config.channels, config.levels, config.blocks, config.bands**2)
+def build_unet(config: UNetConfig, outputs: int) -> UNet:
+    """The network of a config, with so many channels: coefficients, or of each red, green and blue under a light."""
+    return UNet(config.channels, config.levels, config.blocks, outputs)

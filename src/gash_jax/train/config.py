@@ -21,6 +21,7 @@ from typing import Any
 from gash_jax.algebra.arguments import shown
 from gash_jax.files.atomic import as_path
 from gash_jax.files.settings import ConfigError, check_settings, from_dict, near_names, setting
+from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.families import config_from_dict, model_config
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import RESTS
@@ -45,6 +46,7 @@ class DataConfig:
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
     validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
     animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for the models of one")
+    light: str = setting("", "light (map, .npz or its name) that it is glossy under; transfer for any light if empty")
     poses: str = setting(
         "auto", "random weights of the shapes, or the frames of the file; auto: random for blendshapes", choices=POSES
     )
@@ -115,6 +117,12 @@ class RunConfig:
         for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 raise ConfigError(f"{name} is no {kind.__name__}: take load_config, and change keys by its overrides")
+        glossy = [name for name, family in DEFORMING.items() if family.glossy]
+        if self.data.light and self.model.name not in glossy:
+            raise ConfigError(
+                f"{self.model.name} says transfer, which is for any light: leave out data.light, or train "
+                f"{' or '.join(glossy)}"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain nested dictionary, as saved in runs and model files."""

@@ -17,13 +17,14 @@ from gash_jax.formats.animations import load_animation
 from gash_jax.geometry.animation import Animation
 from gash_jax.measure.deforming import SequenceScores, coefficient_ranges
 from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.deforming_model import DeformingModel, load_deforming_model, save_deforming_model
+from gash_jax.models.deforming_model import LIGHT, DeformingModel, load_deforming_model, save_deforming_model
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.prt.sequence import MovingScene, moving_scene, posed_meshes
 from gash_jax.shapes.deformations import has_random_poses, random_poses
 from gash_jax.train.config import DataConfig, RunConfig
 from gash_jax.train.image_training import fit_deep_prt
 from gash_jax.train.loop import open_folder
+from gash_jax.train.target import target_frames, target_light, target_shards
 from gash_jax.train.truth import Truth, bake_truth
 
 Progress = Callable[[int, int], None]
@@ -75,18 +76,22 @@ def _frames_of_file(animation: Animation, data: DataConfig) -> list[Animation]:
 def run_deforming(config: RunConfig, folder: Path, progress: Progress | None = None) -> tuple[Path, dict[str, Any]]:
     """Bake what a config needs, fit its model, test it; the model's file and its scores on the test frames."""
     data, bands, split = config.data, config.model.bands, split_animation(config.data)
+    light = target_light(data.light, bands)
+    glossy = light is not None
     open_folder(folder, config)
     first, frames = len(split.training.animation), len(split.training.animation) + len(split.test.animation)
     report, fit = progress or (lambda done, total: None), DEFORMING[config.model.name].fit
     total = frames + (1 if fit else TRAINING)
-    truth = bake_truth(split.training, bands, data.rays, lambda done, _: report(done, total))
-    test = bake_truth(split.test, bands, data.test_rays, lambda done, _: report(first + done, total))
+    truth = bake_truth(split.training, bands, data.rays, lambda done, _: report(done, total), glossy)
+    test = bake_truth(split.test, bands, data.test_rays, lambda done, _: report(first + done, total), glossy)
     started = time.process_time(), time.perf_counter()
-    poses = TrainingPoses(split.training.receivers, truth.shards())
+    poses = TrainingPoses(split.training.receivers, target_shards(truth, light))
     if fit:
         arrays = fit(config.model, poses)
     else:
         arrays = fit_deep_prt(config, poses, folder, lambda part: report(frames + int(part * (TRAINING - 1)), total))
+    if glossy:
+        arrays = {**arrays, LIGHT: light}
     taken = {"cpu": time.process_time() - started[0], "wall": time.perf_counter() - started[1]}
     ranges = coefficient_ranges(poses.shards)
     entries = {"name": config.name, "run": config.to_dict(), "ranges": ranges.tolist(), "fit_seconds": taken}
@@ -104,9 +109,9 @@ def run_deforming(config: RunConfig, folder: Path, progress: Progress | None = N
 
 
 def score_model(model: DeformingModel, truth: Truth, flicker: bool = False) -> dict[str, float]:
-    """The measures of a model on baked frames."""
+    """The measures of a model on baked frames, glossy ones for a model of radiance."""
     scores = SequenceScores(np.array(model.metadata["ranges"]))
-    frames = (frame for shard in truth.shards() for frame in shard)
+    frames = target_frames(truth, model.light)
     for mesh, reference in zip(posed_meshes(truth.scene.receivers), frames, strict=True):
-        scores.add(np.asarray(model.coefficients(mesh)), reference, mesh.normals)
+        scores.add(np.asarray(model.outputs(mesh)), reference, mesh.normals)
     return scores.scores(flicker)

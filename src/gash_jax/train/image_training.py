@@ -30,7 +30,7 @@ from gash_jax.train.phase_run import LOG_EVERY, DivergenceError, make_clock
 from gash_jax.train.step import learning_rate, make_optimizer
 
 PHASE = "images"
-ROOM = 0.01  # of a coefficient's range, on either side of what was seen: a sigmoid never reaches its ends
+ROOM = 0.01  # of a channel's range, on either side of what was seen: a sigmoid never reaches its ends
 
 
 class ImageState(NamedTuple):
@@ -44,12 +44,12 @@ class ImageState(NamedTuple):
 
 
 class Images(NamedTuple):
-    """Frames as images, float16; targets as shares of each coefficient's range."""
+    """Frames as images, float16; targets as shares of each channel's range."""
 
     inputs: Float[np.ndarray, "t n n 6"]
-    targets: Float[np.ndarray, "t n n k"]
-    low: Float[np.ndarray, "k"]
-    high: Float[np.ndarray, "k"]
+    targets: Float[np.ndarray, "t n n c"]
+    low: Float[np.ndarray, "c"]
+    high: Float[np.ndarray, "c"]
 
 
 def frames_as_images(arrays: dict[str, np.ndarray], image: GeometryImage, poses: TrainingPoses) -> Images:
@@ -62,7 +62,7 @@ def frames_as_images(arrays: dict[str, np.ndarray], image: GeometryImage, poses:
         inputs[t] = pose_image(arrays, mesh.vertices, mesh.normals)
         targets[t] = fit(np.asarray(frame, np.float32))
     low, high = (np.asarray(find(targets, axis=(0, 1, 2)), np.float32) for find in (np.min, np.max))
-    room = np.maximum(ROOM * (high - low), 1e-3 * np.abs(high + low) + 1e-6)  # some coefficients hardly change
+    room = np.maximum(ROOM * (high - low), 1e-3 * np.abs(high + low) + 1e-6)  # some channels hardly change
     low, high = low - room, high + room
     for t in range(count):
         targets[t] = (targets[t] - low) / (high - low)
@@ -75,7 +75,7 @@ def image_step(
     means: Any,
     moments: Any,
     inputs: Float[Array, "b n n 6"],
-    targets: Float[Array, "b n n k"],
+    targets: Float[Array, "b n n c"],
     rate: Array,
     *,
     config: UNetConfig,
@@ -84,7 +84,7 @@ def image_step(
     """One step; parameters, running means and moments of the optimiser after it, and the loss before it."""
 
     def loss(chosen: Any) -> tuple[Array, Any]:
-        found, changed = build_unet(config).apply(
+        found, changed = build_unet(config, targets.shape[-1]).apply(
             {"params": chosen, "batch_stats": means}, inputs, training=True, mutable=["batch_stats"]
         )
         return jnp.mean(jnp.abs(found - targets)), changed["batch_stats"]
@@ -109,18 +109,18 @@ def fit_deep_prt(
     return {**reader_arrays(fit_reader(poses.animation)[0]), **arrays, **ranges, **trained}
 
 
-def initial_state(run: RunConfig) -> ImageState:
-    """Fresh parameters from the seed."""
+def initial_state(run: RunConfig, outputs: int) -> ImageState:
+    """Fresh parameters from the seed, of a network with so many channels."""
     config = cast("UNetConfig", run.model)
     blank = jnp.zeros((1, config.size, config.size, INPUTS), jnp.float32)
-    found = jax.jit(build_unet(config).init)(jax.random.key(run.train.seed), blank)
+    found = jax.jit(build_unet(config, outputs).init)(jax.random.key(run.train.seed), blank)
     return ImageState(found["params"], found["batch_stats"], make_optimizer(run.optim).init(found["params"]), 0, 0.0)
 
 
 def train_images(run: RunConfig, images: Images, folder: Path, report: Callable[[float], None]) -> ImageState:
     """Train to the end of the budget, from where the folder's checkpoint stands."""
     train, clock, optimizer = run.train, make_clock(run.train), make_optimizer(run.optim)
-    state, first = initial_state(run), True
+    state, first = initial_state(run, len(images.low)), True
     if has_checkpoint(folder):
         state = restore_checkpoint(folder, state)[0]
     started = clock() - state.elapsed

@@ -1,5 +1,6 @@
 """ONNX files of models of one object: all kinds equal JAX, in every pose, also where a frame has vanished."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ SIZES |= {f"patches {level}": count for level, count in enumerate((2, 1, 1, 1, 1
 def model_of(name: str) -> DeformingModel:
     """With random arrays."""
     rng, config = np.random.default_rng(0), from_dict(DEFORMING[name].config, {"name": name, "bands": 3})
-    shapes = {**POSE_SHAPES, **DEFORMING[name].shapes(config)}
+    shapes = {**POSE_SHAPES, **DEFORMING[name].shapes(config, 9)}
     arrays: dict[str, Any] = {
         key: rng.normal(0, 0.3, [SIZES[side] if isinstance(side, str) else side for side in shape])
         for key, shape in shapes.items()
@@ -58,7 +59,7 @@ def image_model(mesh: Mesh, blocks: int = 1) -> DeformingModel:
         np.random.default_rng(1),
     )
     arrays: dict[str, Any] = image_arrays(geometry_image(parameterise(mesh), config.size), mesh)
-    for name, shape in network_shapes(config).items():
+    for name, shape in network_shapes(config, 4).items():
         arrays[name] = rng.uniform(0.5, 2, shape) if name.endswith("/var") else rng.normal(0, 0.3, shape)
     pose = {"pose/sample": np.zeros(1), "pose/still": np.zeros((1, 3)), "pose/matrix": np.zeros((3, 1))}
     pose |= {"pose/low": np.zeros(1), "pose/high": np.zeros(1)}
@@ -79,6 +80,23 @@ def test_the_network_over_images_equals_jax(mesh: Mesh, blocks: int) -> None:
         told.append(np.asarray(model.coefficients(pose)))
         np.testing.assert_allclose(run(proto, pose), told[-1], rtol=0, atol=1e-5 * np.abs(told[-1]).max())
     assert np.abs(told[1] - told[0]).max() > 1e-2, "the pose must matter, or any graph would pass"
+
+
+def test_radiance_under_a_light_equals_jax() -> None:
+    transfer, light = model_of("momo-prt"), np.arange(27.0).reshape(9, 3)
+    colours = np.linspace(0.5, 2, 27, dtype=np.float32)
+    wide = {"mean": np.repeat(transfer.arrays["mean"], 3, axis=-1) * colours[None]}
+    wide["basis"] = np.repeat(transfer.arrays["basis"], 3, axis=-1) * colours[None, None]
+    model = DeformingModel(transfer.config, {**transfer.arrays, **wide, "light": light}, MESH, {})
+    proto = onnx_model(model.config, model.arrays, {})
+    (output,) = proto.graph.output
+    assert output.name == "radiance"
+    assert [side.dim_value for side in output.type.tensor_type.shape.dim] == [SIZES["v"], 9, 3]
+    (said,) = [entry.value for entry in proto.metadata_props if entry.key == "metadata"]
+    np.testing.assert_array_equal(json.loads(said)["light"], light)
+    pose = model.pose(0.5 * MESH.vertices)
+    told = np.asarray(model.radiance(pose.vertices))
+    np.testing.assert_allclose(run(proto, pose), told, rtol=0, atol=1e-5 * np.abs(told).max())
 
 
 @pytest.mark.parametrize("name", ["momo-prt", "deform"])

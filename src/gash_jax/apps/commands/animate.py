@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 import numpy as np
+from jaxtyping import Float
 
 from gash_jax.apps.options import (
     PATH,
@@ -30,7 +31,7 @@ from gash_jax.prt.sequence import MovingScene, moving_scene, posed_meshes
 from gash_jax.prt.transfer import make_metadata
 from gash_jax.train.truth import bake_shard, bake_truth, check_truth
 
-FORMAT, BAKE = "gash-animated-transfer", "bake"
+BAKE, FORMAT, LIT = "bake", "gash-animated-transfer", "gash-animated-radiance"
 PLACES = {"vertices": "<f4", "normals": "<f2"}
 
 
@@ -66,7 +67,8 @@ def animate(
     """Write the transfer of every frame of ANIMATION: baked, or by a model of the object that deforms.
 
     The file holds coefficients (frames, vertices, bands²) in float16, and vertices and normals of every frame, so that
-    `gash view` shows it; --glossy adds visibility (frames, vertices, (2 bands - 1)²). A bake is kept frame by frame, so
+    `gash view` shows it; --glossy adds visibility (frames, vertices, (2 bands - 1)²). Of a model of radiance it holds
+    radiance (frames, vertices, bands², 3) in place of coefficients, and the light. A bake is kept frame by frame, so
     after an interruption the same command goes on where it stopped; frames are kept in the cache folder, $GASH_CACHE,
     which machines that share the work must share. A shard bakes, --merge writes the file.
     """
@@ -107,20 +109,22 @@ def _bake(output: Path, scene: MovingScene, bands: int, rays: int, glossy: bool,
 
 
 def _predict(output: Path, scene: MovingScene, model: DeformingModel, update: UpdateFn, quiet: bool) -> str:
-    moving, outside, taken = scene.receivers, [], []
+    moving, light, outside, taken = scene.receivers, model.light, [], []
+    say_pose = model if light is None else model.radiance
 
     def frames() -> Iterator[np.ndarray]:
         for number, positions in enumerate(moving.frames()):
             started = time.perf_counter()
-            found = np.asarray(model(positions))
+            found = np.asarray(say_pose(positions))
             taken.append(time.perf_counter() - started)
             outside.extend([number] * model.outside(positions))
             update(number + 1, len(moving))
             yield found
 
     model.pose(moving.mesh.vertices)  # another mesh is refused before anything is written
-    found = {"coefficients": frames()}
-    _write(output, found, scene, model.config.bands, model.config.name, {"weights": model.metadata.get("name", "")})
+    found = {"coefficients" if light is None else "radiance": frames()}
+    parameters = {"weights": model.metadata.get("name", "")}
+    _write(output, found, scene, model.config.bands, model.config.name, parameters, light)
     if outside:
         say(f"  {len(outside)} frames (first: {outside[0]}) are outside the poses that the model was fitted to", quiet)
     return f"{1e3 * float(np.median(taken)):.3g} ms a frame"
@@ -133,14 +137,16 @@ def _write(
     bands: int,
     method: str,
     parameters: dict[str, Any],
+    light: Float[np.ndarray, "k 3"] | None = None,
 ) -> None:
-    """The file: what was found, and vertices and normals as the bake has them."""
+    """The file: what was found, the light it was found under, and vertices and normals as the bake has them."""
     shape = (len(scene.animation), scene.rows.stop - scene.rows.start)
-    widths = {"coefficients": bands**2, "visibility": (2 * bands - 1) ** 2}
-    large = {name: Rows(rows, (*shape, widths[name])) for name, rows in found.items()}
+    widths = {"coefficients": (bands**2,), "radiance": (bands**2, 3), "visibility": ((2 * bands - 1) ** 2,)}
+    large = {name: Rows(rows, (*shape, *widths[name])) for name, rows in found.items()}
     large |= {name: Rows(_places(scene, name), (*shape, 3), dtype) for name, dtype in PLACES.items()}
-    metadata = {**make_metadata(bands, method, parameters), "format": FORMAT}
-    write_npz_rows(output, large, {"faces": scene.receivers.mesh.faces}, metadata)
+    metadata = {**make_metadata(bands, method, parameters), "format": FORMAT if light is None else LIT}
+    small = {"faces": scene.receivers.mesh.faces, **({} if light is None else {"light": light})}
+    write_npz_rows(output, large, small, metadata)
 
 
 def _places(scene: MovingScene, name: str) -> Iterator[np.ndarray]:

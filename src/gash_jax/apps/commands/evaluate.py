@@ -71,11 +71,11 @@ def _deforming_rows(
     model: DeformingModel, animations: tuple[Path, ...], rays: int, up: str, quiet: bool
 ) -> list[dict[str, Any]]:
     """A model of one object on all frames of animations of it, a row for each."""
-    data, rows = model.metadata["run"]["data"], []
+    data, rows, glossy = model.metadata["run"]["data"], [], model.light is not None
     for path in animations:
         scene = moving_scene(load_animation(path, up), data["vertices"], data["rest"])
         with progress_bar(f"frames of {path.name}", quiet) as update:
-            scores = score_model(model, bake_truth(scene, model.config.bands, rays, update), flicker=True)
+            scores = score_model(model, bake_truth(scene, model.config.bands, rays, update, glossy), flicker=True)
         rows.append({"animation": path.name, "frames": len(scene.animation), **scores})
         measures = ", ".join(f"{name} {value:.4g}" for name, value in scores.items())
         say(f"{path.name}, {len(scene.animation)} frames: {measures}", quiet)

@@ -17,8 +17,8 @@ FLAX_EPSILON = 1e-5  # of batch normalisation
 
 
 def write_deep_prt(g: Graph, config: Any) -> Value:
-    """Coefficients of a pose, (v, k)."""
-    count, size, outputs = len(g.weights["image/texels"]), config.size, config.bands**2
+    """Coefficients of a pose, (v, k), or radiance."""
+    count, size, outputs = len(g.weights["image/texels"]), config.size, len(g.weights["low"])
     placed = (pose_position(g, count) - g.weight("input/middle")) / g.weight("input/size")
     normals = g.input("normal", (count, 3), "unit normal of each vertex in the pose, 0 where it has none")
     x = _to_image(g, g.concat([placed, normals], 1)).transpose(2, 0, 1).unsqueeze(0)

@@ -23,6 +23,7 @@ from gash_jax.apps.exports.motor_nets import write_gnn, write_mlp, write_teacher
 from gash_jax.apps.exports.ring_net import write_ring_net
 from gash_jax.apps.exports.surfel_net import write_surfel_net
 from gash_jax.files.atomic import FileError, whole_file
+from gash_jax.models.deforming_model import LIGHT
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import CONVENTIONS
 
@@ -40,6 +41,11 @@ WRITERS: dict[str, Callable[[Graph, Any], Written]] = {
     "deform": write_deform,
     "deep-prt": write_deep_prt,
 }
+MEANINGS = {
+    "coefficients": "transfer coefficients of each vertex, k = l*l + l + m",
+    "predicted_error": "RMS error to expect of each coefficient",
+}
+RADIANCE = "radiance that arrives at each vertex under the light of the metadata, k = l*l + l + m, linear RGB"
 # weights of models of one object that have a row for each of its vertices
 PER_VERTEX = ("mean", "image/texels")
 
@@ -53,16 +59,20 @@ def onnx_model(config: ModelConfig, arrays: Mapping[str, np.ndarray], metadata: 
         raise FileError(f"{config.name} has no ONNX graph: export it as .npz, or add a writer to apps/exports")
     graph = Graph(arrays)
     written = WRITERS[config.name](graph, config)
-    values = written if isinstance(written, tuple) else (written,)
-    names = ("coefficients", "predicted_error")
-    meanings = ("transfer coefficients of each vertex, k = l*l + l + m", "RMS error to expect of each coefficient")
     rows: Axis = next((len(arrays[name]) for name in PER_VERTEX if name in arrays), VERTICES)
-    for name, value, meaning in zip(names, values, meanings, strict=False):
-        graph.output(name, value, (rows, config.bands**2), meaning)
+    said = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
+    if LIGHT in arrays:
+        assert isinstance(written, Value)
+        shape = (config.bands**2, 3)
+        graph.output("radiance", written.reshape(-1, *shape), (rows, *shape), RADIANCE)
+        said["light"] = arrays[LIGHT].tolist()
+    else:
+        values = written if isinstance(written, tuple) else (written,)
+        for (name, meaning), value in zip(MEANINGS.items(), values, strict=False):
+            graph.output(name, value, (rows, config.bands**2), meaning)
     proto = helper.make_graph(graph.nodes, config.name, graph.inputs, graph.outputs, graph.initializers)
     imports = [helper.make_opsetid("", OPSET)]
     model = helper.make_model(proto, opset_imports=imports, ir_version=IR_VERSION, producer_name="gash_jax")
-    said = {**metadata, "format": FORMAT, "version": FORMAT_VERSION, "model": config.to_dict()}
     said |= {"conventions": CONVENTIONS, "opset": OPSET, "operators": graph.operators()}
     helper.set_model_props(model, {"metadata": json.dumps(said)})
     checker.check_model(model, full_check=True)

@@ -69,6 +69,8 @@ def one_object(frames: Sequence[Mesh], models: Mapping[str, DeformingModel], ban
         raise Unavailable("no model of this object: train one with gash train deform and give it with --model")
     found: dict[str, Run] = {}
     for name, model in models.items():
+        if model.light is not None:
+            raise Unavailable(f"{name} says radiance under its own light: give a model of transfer")
         try:
             model.pose(frames[0].vertices)
         except MeshError as reason:

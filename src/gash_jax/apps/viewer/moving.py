@@ -43,6 +43,8 @@ def read_moving(path: Path) -> Moving | None:
     """
     arrays = open_npz(path, "transfer")
     found, motion = arrays.get("coefficients"), arrays.get("vertices", arrays.get("verts"))
+    if found is None and "radiance" in arrays:
+        raise FileError(f"{path} has radiance under one light, which a page cannot turn: shade it, docs/deforming.md")
     if found is None and motion is not None and motion.ndim == 3:
         raise FileError(f"{path} has vertices of {len(motion)} frames, but no transfer: run gash animate on it first")
     if found is None or found.ndim < 3 or (found.ndim == 3 and found.shape[-1] == 3):
