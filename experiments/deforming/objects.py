@@ -7,6 +7,7 @@ walk     a skinned figure that walks (--animation FILE); the last frames are for
 bumps    a generated body with random bumps, small
 """
 
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,3 +70,11 @@ def object_file(name: str, animation: Path | None, folder: Path) -> Path:
     path = folder / f"{name}.npz"
     write(path)
     return path
+
+
+if __name__ == "__main__":
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("name", choices=[name for name, known in OBJECTS.items() if known.write])
+    asked.add_argument("--folder", type=Path, default=Path("runs/deforming"))
+    told = asked.parse_args()
+    print(object_file(told.name, None, told.folder))

@@ -7,12 +7,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from gash_jax.apps.cli import gash
+from gash_jax.shapes.deformations import blendshape_animation
+from gash_jax.shapes.primitives import bumpy_sphere
 
 SPEC = """
 name = "tiny"
@@ -111,3 +114,37 @@ def test_a_child_ends_with_its_parent(tmp_path: Path) -> None:
             return
         time.sleep(0.1)
     raise AssertionError("the child lives on")
+
+
+MOVING = """
+name = "moving"
+config = "deep-prt-small"
+set = ["data.animation=bumps.npz", "data.frames=4", "data.test_frames=2", "data.rays=8", "data.test_rays=16",
+       "train.steps=2", "model.size=16"]
+[axes.width]
+keys = ["model.channels"]
+values = [2, 3]
+[axes.depth]
+keys = ["model.levels"]
+values = [1, 2]
+"""
+
+
+@pytest.mark.slow
+def test_models_of_one_object_are_swept_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GASH_CACHE", str(tmp_path / "cache"))
+    moving = blendshape_animation(bumpy_sphere(4), 0, 2, 3)
+    motion: Any = moving.motion
+    np.savez("bumps.npz", base=motion.rest, delta=motion.deltas, faces=moving.mesh.faces, names=np.array(moving.names))
+    Path("sweep.toml").write_text(MOVING)
+    gash.main(["sweep", "sweep.toml", "-o", "out", "--quiet"], standalone_mode=False)
+    lines = _lines()
+    assert [(line["width"], line["depth"]) for line in lines] == [(2, 1), (2, 2), (3, 1), (3, 2)]
+    assert all(line["steps"] == 2 and 0 <= line["accuracy"] <= 1 and line["cpu_seconds"] > 0 for line in lines)
+    assert lines[0]["parameters"] < lines[1]["parameters"] < lines[3]["parameters"]
+    with open("out/results.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {"relrmse", "accuracy", "l1", "us_per_vertex"} <= set(rows[0]) and "shadow_mse" not in rows[0]
+    with Image.open("out/pareto.png") as picture:
+        assert picture.width > 400

@@ -22,6 +22,7 @@ from gash_jax.files.npz import check_arrays, names_in_npz, read_npz, write_npz
 from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, posed_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.models.deep_prt import NET
 from gash_jax.models.deforming import normals_of_pose
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.model import DEFORMING_FORMAT
@@ -89,6 +90,12 @@ class DeformingModel:
                 "repair or leave out the pose"
             )
         return found
+
+    @property
+    def parameters(self) -> int:
+        """Numbers that were trained, of a network; of what is fitted all that it holds."""
+        trained = [array.size for name, array in self.arrays.items() if name.startswith(NET)]
+        return sum(trained) or sum(array.size for array in self.arrays.values())
 
     @property
     def light(self) -> Float[np.ndarray, "k 3"] | None:

@@ -140,7 +140,7 @@ def train_images(run: RunConfig, images: Images, folder: Path, report: Callable[
             if first:  # compilation is not training time, neither at the beginning nor after an interruption
                 jax.block_until_ready(params)
                 started, first = clock() - state.elapsed, False
-            if state.step % LOG_EVERY == 0:
+            if state.step % LOG_EVERY == 0 or used(state.step) >= 1.0:
                 _log(log, state, float(rate), float(loss))
                 report(min(used(state.step), 1.0))
             if state.step % train.checkpoint_every == 0:

@@ -26,8 +26,11 @@ from typing import Any
 import jax
 
 from gash_jax.files.settings import ConfigError, from_dict
+from gash_jax.models.deforming_families import DEFORMING
+from gash_jax.models.deforming_model import load_deforming_model
 from gash_jax.models.model import load_model
 from gash_jax.train.config import RunConfig, load_config, shipped_configs
+from gash_jax.train.deforming_run import run_deforming
 from gash_jax.train.logs import CLOCKS, read_lines
 from gash_jax.train.phase_run import ReportFn
 from gash_jax.train.run import run_config
@@ -120,7 +123,10 @@ def run_folder(folder: Path, id: str) -> Path:
 
 
 def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[str, Any]:
-    """Train (or continue) one run; its line of results, measured on the validation shapes."""
+    """Train (or continue) one run; its line of results, measured on the validation shapes, or on the test frames of
+    one object that deforms."""
+    if run.config.model.name in DEFORMING:
+        return _deforming_line(run, folder, report)
     path, _ = run_config(run.config, folder, report=report)
     lines, model = read_lines(folder), load_model(path)
     last = [line for line in lines if line["phase"] == lines[-1]["phase"]]
@@ -136,4 +142,23 @@ def train_run(run: Run, folder: Path, report: ReportFn | None = None) -> dict[st
         **{name: lines[-1].get(name) for name in CLOCKS},
         "parameters": sum(leaf.size for leaf in jax.tree.leaves(model.params)),
         **{name: best[name] for name in ("mse", "relrmse", "skill", "shadow_mse")},
+    }
+
+
+def _deforming_line(run: Run, folder: Path, report: ReportFn | None) -> dict[str, Any]:
+    """That of a model of one object; its steps are those of what is trained, and 0 of what is fitted."""
+
+    def progress(done: int, total: int) -> None:
+        if report:
+            report("frames", done / total, {})
+
+    path, scores = run_deforming(run.config, folder, progress)
+    lines, known = read_lines(folder), {"id": run.id, "name": run.config.name, **run.point, "seed": run.seed}
+    clocks = {f"{clock}_seconds": seconds for clock, seconds in scores["fit_seconds"].items()}
+    return {
+        **known,
+        "steps": lines[-1]["step"] if lines else 0,
+        **clocks,
+        "parameters": load_deforming_model(path).parameters,
+        **{name: scores[name] for name in ("bytes", "relrmse", "accuracy", "l1", "skill") if name in scores},
     }

@@ -25,13 +25,16 @@ from gash_jax.apps.shard_options import Work, by_jobs, shard_options
 from gash_jax.files.atomic import check_writable, whole_file, write_text
 from gash_jax.files.settings import ConfigError
 from gash_jax.files.shards import Shard, check_merge, fault_of, read_record, write_record
+from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.timing import timed
-from gash_jax.models.model import load_model
+from gash_jax.models.deforming_model import DeformingModel, is_deforming, load_deforming_model
+from gash_jax.models.model import Model, load_model
 from gash_jax.shapes.procedural import make_shape
 from gash_jax.train.logs import CLOCKS, whole_lines
 from gash_jax.train.sweep import Run, load_sweep, run_folder
 
 LINES, TABLE, PICTURE = "results.jsonl", "results.csv", "pareto.png"
+MEASURES = ("relrmse", "skill", "shadow_mse", "accuracy", "l1")  # of those that the runs have
 TIMED_SHAPE = (7, 2)  # seed and index of the generated mesh that inference is timed on
 
 
@@ -136,20 +139,32 @@ def _train_missing(missing: Sequence[Run], output: Path, jobs: int, quiet: bool,
 
 
 def _inference_times(lines: Sequence[dict[str, Any]], output: Path, quiet: bool) -> dict[str, float]:
-    """Microseconds per vertex by run id, graph building not counted; a network's seeds share one timing."""
+    """Microseconds per vertex by run id, graph building not counted; a network's seeds share one timing.
+
+    Networks of any mesh are timed on a generated one, models of one object on its rest, normals included.
+    """
     _, mesh = make_shape(*TIMED_SHAPE, vertices=(10000, 12000))
     times: dict[str, float] = {}
     by_shape: dict[str, float] = {}
     with progress_bar("timing", quiet) as update:
         for step, line in enumerate(lines):
-            model = load_model(run_folder(output / "runs", line["id"]) / "model.npz")
+            path = run_folder(output / "runs", line["id"]) / "model.npz"
+            model = load_deforming_model(path) if is_deforming(path) else load_model(path)
             shape = json.dumps(model.config.to_dict())
             if shape not in by_shape:
-                graph = model.graph(mesh)
-                by_shape[shape] = timed(lambda m=model, g=graph: m(g))[1] / len(mesh.vertices) * 1e6
+                by_shape[shape] = _seconds_a_vertex(model, mesh) * 1e6
             times[line["id"]] = by_shape[shape]
             update(step + 1, len(lines))
     return times
+
+
+def _seconds_a_vertex(model: Model | DeformingModel, mesh: Mesh) -> float:
+    if isinstance(model, DeformingModel):
+        positions = model.mesh.vertices
+        say = model if model.light is None else model.radiance
+        return timed(lambda: say(positions))[1] / len(positions)
+    graph = model.graph(mesh)
+    return timed(lambda: model(graph))[1] / len(mesh.vertices)
 
 
 def _summary(lines: Sequence[dict[str, Any]], axes: list[str], times: dict[str, float]) -> list[dict[str, Any]]:
@@ -159,7 +174,7 @@ def _summary(lines: Sequence[dict[str, Any]], axes: list[str], times: dict[str, 
         seeds = [line for line in lines if tuple(line[axis] for axis in axes) == point]
         row = dict(zip(axes, point, strict=True)) | {"seeds": len(seeds), "parameters": seeds[0]["parameters"]}
         row["us_per_vertex"] = times[seeds[0]["id"]]
-        for measure in ("relrmse", "skill", "shadow_mse"):
+        for measure in [name for name in MEASURES if all(name in line for line in lines)]:
             values = [line[measure] for line in seeds]
             row[measure] = float(np.mean(values))
             row[f"{measure}_std"] = float(np.std(values, ddof=1)) if len(values) > 1 else None

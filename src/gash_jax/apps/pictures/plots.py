@@ -31,7 +31,9 @@ def plot_pareto(rows: Sequence[dict[str, Any]], axes: Sequence[str], path: Path)
     front = pareto_front(np.stack([time, error], -1))
     plot.plot(time[front], error[front], color="C1", zorder=1, label="Pareto front")
     plot.errorbar(time, error, yerr=spread, fmt="o", color="C0", capsize=3, label="run (bar: one deviation over seeds)")
-    plot.set(xscale="log", xlabel="inference, us per vertex (graph built before)", ylabel="relrmse, validation shapes")
+    plot.set(
+        xscale="log", xlabel="inference, us per vertex (graph built before)", ylabel="relrmse of what was held out"
+    )
     plot.margins(x=0.15, y=0.15)
     plot.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plot.xaxis.set_major_formatter("{x:g}")
