@@ -57,3 +57,28 @@ def image_step_table(result: dict[str, Any]) -> str:
         cells += [f"{row['slope_over_gradient']:.3f}", ", ".join(f"{loss:.3f}" for loss in row["losses"])]
         rows.append(cells)
     return f"{table(header, rows)}\n\n{origin(result)}, JAX on {result['machine']['device']}, seed {result['seed']}."
+
+
+def leaving_table(result: dict[str, Any]) -> str:
+    """relrmse along both journeys, at five places of each."""
+    lines = []
+    for name, told in result["journeys"].items():
+        places = range(0, len(told["distance"]), max((len(told["distance"]) - 1) // 4, 1))
+        told_of = f"{name} ({told['training_frames']} frames)"
+        lines.append([f"**{told_of}**, {told['from_to']}", *(f"**{told['distance'][t]:.2g}**" for t in places)])
+        lines += [[row["method"], *(f"{row['relrmse'][t]:.3f}" for t in places)] for row in told["rows"]]
+    count = len(lines[0]) - 1
+    images = f"`deep-prt-small`: {result['arguments']['images']:.0f} CPU seconds of training for each. "
+    told = f"{images if result['arguments']['images'] else ''}Seed {result['seed']}; {origin(result)}."
+    return f"{table(['relrmse', *('' for _ in range(count))], lines)}\n\n{told}"
+
+
+def image_sweep_table(result: dict[str, Any]) -> str:
+    """The U-Net over resolution, width and depth, each of the same time."""
+    header = ["texels", "channels", "levels", "parameters", "steps", "relrmse", "accuracy", "L1"]
+    lines = []
+    for row in result["rows"]:
+        sizes = [f"{row['resolution']}²", str(row["width"]), str(row["depth"]), str(row["parameters"])]
+        lines.append([*sizes, str(row["steps"]), f"{row['relrmse']:.4f}", f"{row['accuracy']:.4f}", f"{row['l1']:.4f}"])
+    told = f"{result['rows'][0]['cpu_seconds']:.0f} CPU seconds each, fit of the images included; {origin(result)}."
+    return f"{table(header, lines)}\n\n{told}"

@@ -227,5 +227,8 @@ def predict_deform(
     local = say_levels(arrays, pose_kernel(arrays, read_pose(reader_of(arrays), positions)))
     frames = local_frames(positions, normals, arrays["neighbour"].astype(jnp.int32))
     whole = jnp.any(frames[..., 0] != 0, axis=-1, keepdims=True)
-    bare = unshadowed_transfer(normals, math.isqrt(local.shape[1]))
-    return zero_without_normal(jnp.where(whole, rotate_coefficients(local, frames), bare), normals)
+    turned, bands = rotate_coefficients(local, frames), math.isqrt(local.shape[1])
+    found = jax.lax.cond(  # nearly always all are whole, and the formula costs as much as the kernel
+        jnp.all(whole), lambda: turned, lambda: jnp.where(whole, turned, unshadowed_transfer(normals, bands))
+    )
+    return zero_without_normal(found, normals)

@@ -30,7 +30,7 @@ from gash_jax.nn.surfel_net import SurfelConfig
 DeformingFn = Callable[[ArrayLike | Array], tuple[Array, Array]]
 
 
-def vertex_normals(positions: Float[Array, "v 3"], faces: Int[Array | np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
+def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
     """Angle-weighted normals as in `geometry.mesh.angle_weighted_normals`, differentiable; 0 without a face."""
     corners = [positions[faces[:, i]] for i in range(3)]
     cross = jnp.cross(corners[1] - corners[0], corners[2] - corners[0])
@@ -45,7 +45,7 @@ def vertex_normals(positions: Float[Array, "v 3"], faces: Int[Array | np.ndarray
 
 
 def normals_of_pose(
-    positions: Float[Array, "v 3"], faces: Int[Array | np.ndarray, "f 3"], carried: CarriedNormals
+    positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
 ) -> Float[Array, "v 3"]:
     """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish."""
     frames = vertex_frames(positions, vertex_normals(positions, faces), carried.neighbour, safe_normalize)

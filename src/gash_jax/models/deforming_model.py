@@ -6,7 +6,7 @@ config. They also hold the rest and the faces, so that a pose can be checked and
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -42,17 +42,16 @@ def _compiled(config: ModelConfig) -> Any:
     return jax.jit(partial(DEFORMING[config.name].predict, config))
 
 
-@cache
-def _compiled_from_positions(config: ModelConfig) -> Any:
-    """Normals and coefficients in one program: in two, with normals by NumPy, a frame takes twice as long."""
+def _normals_on_device(mesh: Mesh, carried: CarriedNormals) -> Callable[[Array], Array]:
+    """Normals of a pose in a program of their own, of this mesh: in one with the coefficients, or with faces that are
+    not known before, they take twice as long, and by NumPy three times."""
 
-    def say(arrays: Any, positions: Array, faces: Array, carried: CarriedNormals) -> Array:
+    def normals(positions: Array) -> Array:
         placed = positions - positions[:1]
         unit = jnp.maximum(jnp.max(jnp.abs(placed)), 1e-30)  # squares of areas would leave the range of float32
-        normals = normals_of_pose(placed / unit, faces, carried)
-        return DEFORMING[config.name].predict(config, arrays, positions, normals)
+        return normals_of_pose(placed / unit, mesh.faces, carried)
 
-    return jax.jit(say)
+    return jax.jit(normals)
 
 
 class DeformingModel:
@@ -66,7 +65,8 @@ class DeformingModel:
         self.config: Any = config
         self.mesh, self.metadata = mesh, metadata
         self.arrays = {name: np.asarray(array, np.float32) for name, array in arrays.items()}
-        self._carried, self._faces = carried_normals(mesh, mesh.faces), jnp.asarray(mesh.faces)
+        self._carried = carried_normals(mesh, mesh.faces)
+        self._normals = _normals_on_device(mesh, self._carried)
         self._held = {name: jnp.asarray(array) for name, array in self.arrays.items()}
 
     def pose(self, positions: ArrayLike | Array) -> Mesh:
@@ -132,7 +132,7 @@ class DeformingModel:
     def _said(self, positions: ArrayLike | Array) -> Float[Array, "v c"]:
         """All that the model says of a pose, its normals made on the way."""
         checked = jnp.asarray(self._checked(positions))
-        return _compiled_from_positions(self.config)(self._held, checked, self._faces, self._carried)
+        return _compiled(self.config)(self._held, checked, self._normals(checked))
 
     def predict(self, positions: ArrayLike | Array) -> Transfer:
         """The transfer of a pose."""
