@@ -28,7 +28,8 @@ class Object(NamedTuple):
     title: str
     poses: str  # what its frames are, for the table
     write: Callable[[Path], None] | None  # None: its file has to be given
-    follow: bool  # whether frames of its file follow one another in time
+    split: str  # data.poses
+    follow: bool  # whether its test frames follow one another in time
 
 
 def _bumps(path: Path) -> None:
@@ -51,11 +52,13 @@ def _figure(path: Path) -> None:
 
 RANDOM = "random sparse expressions, 1 to 8 shapes at once"
 OBJECTS = {
-    "face": Object("ICT face", RANDOM, None, False),
-    "cloth": Object("Cloth over a ball", "one simulation, its last frames for the test", _cloth, True),
-    "figure": Object("Generated figure", "random poses of 16 bones", _figure, False),
-    "walk": Object("CesiumMan", "one walk, its last frames for the test", None, True),
-    "bumps": Object("Generated bumps", RANDOM, _bumps, False),
+    "face": Object("ICT face", RANDOM, None, "random", False),
+    "cloth": Object(
+        "Cloth over a ball", "one simulation, tested on frames between the others", _cloth, "between", False
+    ),
+    "figure": Object("Generated figure", "random poses of 16 bones", _figure, "file", False),
+    "walk": Object("CesiumMan", "one walk, its last frames for the test", None, "file", True),
+    "bumps": Object("Generated bumps", RANDOM, _bumps, "random", False),
 }
 
 

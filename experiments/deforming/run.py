@@ -163,7 +163,7 @@ def main(
 ) -> dict[str, Any]:
     """Fit and measure everything on one object."""
     data = [f"data.animation={object_file(object, animation, work)}", f'data.vertices="{vertices}"']
-    data += [f"data.frames={frames}", f"data.test_frames={test_frames}"]
+    data += [f"data.frames={frames}", f"data.test_frames={test_frames}", f"data.poses={OBJECTS[object].split}"]
     split = split_animation(load_config("deform", data).data)
     truth, test_truth = bake_truth(split.training, BANDS, rays), bake_truth(split.test, BANDS, test_rays)
     poses, mesh = TrainingPoses(split.training.receivers, truth.shards()), split.training.receivers.mesh

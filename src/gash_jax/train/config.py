@@ -26,7 +26,7 @@ from gash_jax.models.families import config_from_dict, model_config
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import RESTS
 
-POSES = ("auto", "random", "file")
+POSES = ("auto", "random", "file", "between")
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,13 @@ class DataConfig:
     animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for the models of one")
     light: str = setting("", "light (map, .npz or its name) that it is glossy under; transfer for any light if empty")
     poses: str = setting(
-        "auto", "random weights of the shapes, or the frames of the file; auto: random for blendshapes", choices=POSES
+        "auto",
+        "random weights of the shapes, or the frames of the file, for the test the last or some between the others; "
+        "auto: random for blendshapes, else file",
+        choices=POSES,
     )
     frames: int = setting(450, "frames to train on", least=2)
-    test_frames: int = setting(50, "frames to test on: other random ones, or the last of the file", least=1)
+    test_frames: int = setting(50, "frames to test on: other random ones, or some of the file", least=1)
     test_rays: int = setting(4096, "rays per vertex of the test frames", least=1, most=1 << 20)
     vertices: str = setting("", "part of the object to predict, such as 0:11248; all of it if empty")
     rest: str = setting("drop", "whether the other vertices are left out or cast shadow", choices=RESTS)

@@ -65,8 +65,10 @@ def _frames_of_file(animation: Animation, data: DataConfig) -> list[Animation]:
             f"{data.animation} has {count} frames: a model needs two to be fitted to and one to be tested on; bake it "
             "with gash animate"
         )
-    ends = slice(0, min(data.frames, count - test)), slice(count - test, count)
-    seconds = animation.seconds
+    held = np.arange(count - test, count)
+    if data.poses == "between":
+        held = ((np.arange(test) + 0.5) * count / test).astype(int)
+    ends, seconds = (np.setdiff1d(np.arange(count), held)[: data.frames], held), animation.seconds
     return [
         animation._replace(parameters=animation.parameters[part], seconds=None if seconds is None else seconds[part])
         for part in ends
