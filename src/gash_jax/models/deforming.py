@@ -26,6 +26,7 @@ from gash_jax.models.model import Model
 from gash_jax.models.surfel_inference import apply_surfels
 from gash_jax.nn.surfel_net import SurfelConfig
 
+FLAT = 1e-6  # sine of the angle at which two edges of a face are one in float32
 # positions -> coefficients and predicted error, both "v k"
 DeformingFn = Callable[[ArrayLike | Array], tuple[Array, Array]]
 
@@ -33,9 +34,12 @@ DeformingFn = Callable[[ArrayLike | Array], tuple[Array, Array]]
 def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
     """Angle-weighted normals as in `geometry.mesh.angle_weighted_normals`, differentiable; 0 without a face."""
     corners = [positions[faces[:, i]] for i in range(3)]
-    cross = jnp.cross(corners[1] - corners[0], corners[2] - corners[0])
-    twice_area, unit = safe_norm(cross), safe_normalize(cross)
-    sums, flat = jnp.zeros_like(positions), twice_area == 0
+    first, second = corners[1] - corners[0], corners[2] - corners[0]
+    cross = jnp.cross(first, second)
+    twice_area = safe_norm(cross)
+    # of two equal edges a fused product leaves rounding, which has a direction
+    flat = twice_area**2 <= FLAT**2 * jnp.sum(first * first, axis=1) * jnp.sum(second * second, axis=1)
+    sums, unit = jnp.zeros_like(positions), jnp.where(flat[:, None], 0.0, safe_normalize(cross))
     for i in range(3):
         along, back = (corners[(i + j) % 3] - corners[i] for j in (1, 2))
         # a face without area has unit normal 0; its angle only must not be that of (0, 0), which has no gradient

@@ -21,7 +21,7 @@ from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.npz import check_arrays, names_in_npz, read_npz, write_npz
 from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, posed_mesh
-from gash_jax.geometry.mesh import Mesh, MeshError
+from gash_jax.geometry.mesh import Mesh, MeshError, referenced
 from gash_jax.models.deep_prt import NET
 from gash_jax.models.deforming import normals_of_pose
 from gash_jax.models.deforming_families import DEFORMING
@@ -46,9 +46,13 @@ def _normals_on_device(mesh: Mesh, carried: CarriedNormals) -> Callable[[Array],
     """Normals of a pose in a program of their own, of this mesh: in one with the coefficients, or with faces that are
     not known before, they take twice as long, and by NumPy three times."""
 
+    used = np.flatnonzero(referenced(mesh))
+
     def normals(positions: Array) -> Array:
-        placed = positions - positions[:1]
-        unit = jnp.maximum(jnp.max(jnp.abs(placed)), 1e-30)  # squares of areas would leave the range of float32
+        if not len(used):
+            return jnp.zeros_like(positions) + carried.fixed
+        placed = positions - positions[used[:1]]
+        unit = jnp.maximum(jnp.max(jnp.abs(placed[used])), 1e-30)  # squares of areas would leave the range of float32
         return normals_of_pose(placed / unit, mesh.faces, carried)
 
     return jax.jit(normals)
