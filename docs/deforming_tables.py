@@ -19,7 +19,7 @@ COLUMNS = (
     ("fit, CPU s", "fit_cpu_seconds", ".0f"),
     ("ms a frame", "model_ms", ".1f"),
     ("CPU ms", "model_cpu_ms", ".1f"),
-    ("normals ms", "normals_ms", ".1f"),
+    ("ms from positions", "positions_ms", ".1f"),
     ("a bake as good, ms", "bake_ms", ".0f"),
 )
 
@@ -71,14 +71,3 @@ def leaving_table(result: dict[str, Any]) -> str:
     images = f"`deep-prt-small`: {result['arguments']['images']:.0f} CPU seconds of training for each. "
     told = f"{images if result['arguments']['images'] else ''}Seed {result['seed']}; {origin(result)}."
     return f"{table(['relrmse', *('' for _ in range(count))], lines)}\n\n{told}"
-
-
-def image_sweep_table(result: dict[str, Any]) -> str:
-    """The U-Net over resolution, width and depth, each of the same time."""
-    header = ["texels", "channels", "levels", "parameters", "steps", "relrmse", "accuracy", "L1"]
-    lines = []
-    for row in result["rows"]:
-        sizes = [f"{row['resolution']}²", str(row["width"]), str(row["depth"]), str(row["parameters"])]
-        lines.append([*sizes, str(row["steps"]), f"{row['relrmse']:.4f}", f"{row['accuracy']:.4f}", f"{row['l1']:.4f}"])
-    told = f"{result['rows'][0]['cpu_seconds']:.0f} CPU seconds each, fit of the images included; {origin(result)}."
-    return f"{table(header, lines)}\n\n{told}"

@@ -24,7 +24,7 @@ from docs import (
     trial_tables,
 )
 from docs.baking_tables import origin
-from docs.deforming_tables import deforming_table, image_step_table, image_sweep_table, leaving_table
+from docs.deforming_tables import deforming_table, image_step_table, leaving_table
 from docs.model_tables import stage_tables
 
 ROOT = Path(__file__).parents[1]
@@ -135,7 +135,6 @@ TABLES = (
         for name in ("face", "cloth", "figure", "walk")
     ),
     Table("docs/deforming.md", "LEAVING", leaving_table, "leaving.json"),
-    Table("docs/deforming.md", "IMAGE SWEEP", image_sweep_table, "../../experiments/deforming/sweep/results.jsonl"),
     Table("docs/deforming.md", "IMAGE STEP", image_step_table, "image_step.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),
     Table("docs/model_file.md", "RUNTIMES", runtime_tables.runtime_table, "runtimes.json"),
@@ -152,20 +151,11 @@ def fill(text: str, name: str, table: str) -> str:
     return text
 
 
-def read_results(name: str, root: Path = ROOT) -> dict[str, Any]:
-    """A file of results; of the lines of a sweep what the first says of machine and commit, and all as rows."""
-    text = (root / "docs" / "results" / name).read_text(encoding="utf-8")
-    if not name.endswith(".jsonl"):
-        return json.loads(text)
-    rows = [json.loads(line) for line in text.splitlines()]
-    return {**{key: rows[0][key] for key in ("machine", "commit", "software")}, "rows": rows}
-
-
 def documents(root: Path = ROOT) -> dict[str, str]:
     """Every document with its tables as the results have them."""
     texts: dict[str, str] = {}
     for table in TABLES:
-        result = read_results(table.results, root)
+        result = json.loads((root / "docs" / "results" / table.results).read_text(encoding="utf-8"))
         text = texts.get(table.document) or (root / table.document).read_text(encoding="utf-8")
         texts[table.document] = fill(text, table.name, table.render(result))
     return texts

@@ -48,7 +48,7 @@ def test_every_shipped_model_has_a_card(documents: dict[str, str]) -> None:
 
 def test_results_say_where_they_come_from() -> None:
     for table in tables.TABLES:
-        result = tables.read_results(table.results)
+        result = json.loads((ROOT / "docs" / "results" / table.results).read_text(encoding="utf-8"))
         assert {"machine", "commit", "software"} <= set(result), table.results
         assert table.render(result).count("\n|") >= 2
 
