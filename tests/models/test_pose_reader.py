@@ -23,17 +23,6 @@ def test_the_pose_of_blendshapes_is_their_weights() -> None:
         np.testing.assert_allclose(found, SHAPES.parameters[3], atol=1e-4)
 
 
-def test_a_shape_that_no_frame_had_is_read_as_others() -> None:
-    without = SHAPES._replace(parameters=SHAPES.parameters * [1, 1, 0, 1, 1])
-    reader, poses = fit_reader(without)
-    np.testing.assert_allclose(poses, without.parameters[:, [0, 1, 3, 4]], atol=1e-4)
-    twin = SHAPES.motion._replace(deltas=SHAPES.motion.deltas[[0, 0, 1]])  # type: ignore[union-attr]
-    rows = np.zeros((4, 3), np.float32)
-    rows[:, 0], rows[:, 2] = [0, 0.5, 1, 0.2], [1, 0, 0.3, 0.4]
-    reader, _ = fit_reader(SHAPES._replace(motion=twin, parameters=rows))
-    np.testing.assert_allclose(read_pose(reader, twin(np.array([0, 0.7, 0.1]))), [0.7, 0.1], atol=1e-4)
-
-
 def test_that_of_recorded_frames_gives_their_positions_back() -> None:
     reader, poses = fit_reader(RECORDED)
     assert poses.shape[1] == 5  # as many as there are shapes
@@ -54,14 +43,14 @@ def test_a_pose_far_outside_is_held_and_said() -> None:
 
 
 def test_no_pose_of_the_training_is_outside_by_rounding() -> None:
-    """A shape that no frame has and one that never changes leave no range but that of rounding."""
+    """A shape that never moves and one that never changes leave no range but that of rounding."""
     parameters = SHAPES.parameters.copy()
     parameters[:, 3:] = [0, 0.5]
     for moving in (SHAPES._replace(parameters=parameters), RECORDED):
         reader, _ = fit_reader(moving)
         assert not any(poses_outside(reader, frame) for frame in moving.frames())
     reader, _ = fit_reader(SHAPES._replace(parameters=parameters))
-    parameters[5, 4] += 1e-3
+    parameters[5, 3] = 1e-3
     assert poses_outside(reader, SHAPES._replace(parameters=parameters).frame(5)) > 0
 
 

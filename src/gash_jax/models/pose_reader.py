@@ -1,10 +1,11 @@
 """From the positions of a deforming mesh to the few numbers that say its pose.
 
 A pose is read off a sample of the vertices in faces, spread evenly over the rest: with d their displacement from it,
-the pose is the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes that some training frame has, so
-the pose is their weights, exactly where the shapes differ on the sample; a shape that no frame had is read as what is
-closest to it of the others. Of all other motions the pose is the leading principal components of the displacements of
-the training frames, scaled to a variance of 1; where nothing moves it is a single 0.
+the pose is the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes, so the pose is their weights,
+exactly where the shapes differ on the sample; a shape that no training frame had stays its own number, which is held to
+0: read as a mixture of the others it made errors half as large again. Of all other motions the pose is the leading
+principal components of the displacements of the training frames, scaled to a variance of 1; where nothing moves it is a
+single 0.
 
 Each number is held to the range that it had in training, widened by a tenth and by what rounding of positions makes of
 it: further out a fitted model says nothing that was ever measured.
@@ -77,9 +78,8 @@ def fit_reader(animation: Animation) -> tuple[PoseReader, Float[np.ndarray, "t p
     rest, sample = animation.mesh.vertices.astype(np.float64), spread_in_faces(animation.mesh, SAMPLE)
     seen = np.stack([frame[sample] for frame in animation.frames()]).astype(np.float64)
     motion, still = animation.motion, rest[sample]
-    if isinstance(motion, Blend) and not motion.weights.shape[1] and animation.parameters.any():
-        used = np.flatnonzero(animation.parameters.any(axis=0))
-        lift = motion.deltas[used][:, sample].reshape(len(used), -1).astype(np.float64)
+    if isinstance(motion, Blend) and not motion.weights.shape[1]:
+        lift = motion.deltas[:, sample].reshape(len(motion.deltas), -1).astype(np.float64)
         matrix = np.linalg.pinv(lift, rcond=SMALLEST)
     else:
         still = seen[0] + (seen - seen[0]).mean(axis=0)  # exactly seen[0] where nothing moves
