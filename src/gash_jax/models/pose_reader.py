@@ -3,7 +3,7 @@
 A pose is read off a sample of the vertices in faces, spread evenly over the rest: with d their displacement from it,
 the pose is the linear map d A. Of blendshapes A is the pseudo-inverse of the shapes, so the pose is their weights,
 exactly where the shapes differ on the sample; a shape that no training frame had stays its own number, which is held to
-0: read as a mixture of the others it made errors half as large again. Of all other motions the pose is the leading
+0: read as a mixture of the others it made larger errors. Of all other motions the pose is the leading
 principal components of the displacements of the training frames, scaled to a variance of 1; where nothing moves it is a
 single 0.
 
