@@ -1,5 +1,6 @@
 """What is generated in the documents is what the committed results and the imports make of it."""
 
+import json
 from pathlib import Path
 
 import pytest
