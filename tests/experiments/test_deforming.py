@@ -1,6 +1,7 @@
 """The experiment on deforming objects runs on a small generated one, and its table says what it found."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(run, "RAYS", (4, 16))
     monkeypatch.setattr(run, "STEADY", 4)
     sizes = {"frames": 12, "test_frames": 3, "rays": 8, "test_rays": 64}
-    folders = {"work": tmp_path / "work", "output": tmp_path / "result.json"}
+    folders: dict[str, Any] = {"work": tmp_path / "work", "output": tmp_path / "result.json"}
     result = run.main("bumps", None, "", **sizes, also=["again=local"], **folders)
     rows = {row["method"]: row for row in result["rows"]}
     assert rows["PCA floor, 9 components"]["relrmse"] < rows["PCA floor, 3 components"]["relrmse"]
@@ -57,7 +58,8 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
 def test_the_journeys_run_and_leave_what_was_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GASH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(leaving, "STEPS", 3)
-    folders = {"work": tmp_path / "work", "output": tmp_path / "result.json", "figure": tmp_path / "way.png"}
+    folders: dict[str, Any] = {"work": tmp_path / "work", "output": tmp_path / "result.json"}
+    folders["figure"] = tmp_path / "way.png"
     sizes = {"frames": 16, "rays": 8, "test_rays": 64, "images": 0.0}
     result = leaving.main(None, "", "bump 1", **sizes, **folders)
     for told in result["journeys"].values():
@@ -72,7 +74,8 @@ def test_the_journeys_run_and_leave_what_was_seen(tmp_path: Path, monkeypatch: p
 def test_the_sheet_is_flat_and_its_faces_look_up() -> None:
     rest = grid_mesh()
     sheet = leaving.flat_sheet(rest)
-    across = np.cross(*(sheet[rest.faces[:, i]] - sheet[rest.faces[:, 0]] for i in (1, 2)))
+    first, second, third = sheet[rest.faces.T]
+    across = np.cross(second - first, third - first)
     assert np.ptp(sheet[:, 2]) < 1e-6
     assert (across[:, 2] > 0).mean() > 0.95
 
