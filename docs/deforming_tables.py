@@ -68,6 +68,6 @@ def leaving_table(result: dict[str, Any]) -> str:
         lines.append([f"**{told_of}**, {told['from_to']}", *(f"**{told['distance'][t]:.2g}**" for t in places)])
         lines += [[row["method"], *(f"{row['relrmse'][t]:.3f}" for t in places)] for row in told["rows"]]
     count = len(lines[0]) - 1
-    images = f"`deep-prt-small`: {result['arguments']['images']:.0f} CPU seconds of training for each. "
+    images = f"`deep-prt-small`: {result['arguments']['images']:.0f} CPU seconds of each core for each training. "
     told = f"{images if result['arguments']['images'] else ''}Seed {result['seed']}; {origin(result)}."
     return f"{table(['relrmse', *('' for _ in range(count))], lines)}\n\n{told}"

@@ -5,7 +5,8 @@
 
 *To a plane*: shapes between the rest and a flat sheet, its map to the square; all models are fitted to some of them,
 and tested on others. *A shape left out*: fitted to the random expressions that do not have it, tested from the rest
-to twice the shape. `--images` is the training of the U-Net on each, in CPU seconds; 0 leaves it out.
+to twice the shape. `--images` is the training of the U-Net on each, in CPU seconds of each core; 0 leaves it
+out.
 """
 
 from pathlib import Path
@@ -156,7 +157,9 @@ if __name__ == "__main__":
     asked.add_argument("--shape", default="jawOpen", help="the shape that is left out")
     for option, count in (("frames", 450), ("rays", 256), ("test-rays", 4096)):
         asked.add_argument(f"--{option}", type=int, default=count)
-    asked.add_argument("--images", type=float, default=600.0, help="CPU seconds of the U-Net's training; 0: without it")
+    asked.add_argument(
+        "--images", type=float, default=600.0, help="CPU seconds of each core, of the U-Net; 0: without it"
+    )
     asked.add_argument("--work", type=Path, default=Path("runs/leaving"), help="folder for what is written meanwhile")
     asked.add_argument("--figure", type=Path, help="draw the errors")
     main(**vars(asked.parse_args()))

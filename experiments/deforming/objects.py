@@ -1,13 +1,12 @@
 """The objects that models of deforming objects are measured on, each as a file that `gash train` reads.
 
 face     blendshapes (--animation FILE), random sparse expressions
-cloth    a generated sheet that falls over a swaying ball; the last frames are for the test
+cloth    a generated sheet that falls over a swaying ball; frames between the others are for the test
 figure   a generated figure of 6000 vertices with 16 bones in random poses
 walk     a skinned figure that walks (--animation FILE); the last frames are for the test
 bumps    a generated body with random bumps, small
 """
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -73,11 +72,3 @@ def object_file(name: str, animation: Path | None, folder: Path) -> Path:
     path = folder / f"{name}.npz"
     write(path)
     return path
-
-
-if __name__ == "__main__":
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("name", choices=[name for name, known in OBJECTS.items() if known.write])
-    asked.add_argument("--folder", type=Path, default=Path("runs/deforming"))
-    told = asked.parse_args()
-    print(object_file(told.name, None, told.folder))

@@ -1,7 +1,7 @@
 """What coefficients of test frames are measured with: every measure of the table, of all methods alike.
 
 *Equivalent rays* come from plain bakes of the same frames, interpolated in log-log as everywhere. SSIM is that of
-linear pictures of some test frames under the studio light, from the front, the mean over the frames. *Flicker* is
+linear pictures of some test frames under the studio light, the mean over the frames. *Flicker* is
 measured on frames that follow one another: the test frames, or a path between some of them.
 """
 
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from experiments.deforming.movie import CAMERA
 from gash_jax.apps.pictures.views import Hit, cast_view, shade_view
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.light.environment import project_light
@@ -21,7 +22,7 @@ from gash_jax.measure.metrics import equivalent_rays, image_scores
 from gash_jax.prt.sequence import posed_meshes
 from gash_jax.train.truth import Truth
 
-VIEW, SIZE, PICTURES = (20.0, 5.0), 256, 10
+SIZE, PICTURES = 256, 10
 Say = Callable[[Mesh], Any]  # coefficients of a pose
 
 
@@ -45,7 +46,7 @@ class Yardstick:
         self._test, self._in_time, self._kept = test, in_time, bands**2
         self._ranges, self._light = ranges[: self._kept], project_light(studio_light(), bands)
         chosen = np.unique(np.linspace(0, len(test.meshes) - 1, PICTURES).round().astype(int))
-        self._views: dict[int, Hit] = {int(t): cast_view(test.meshes[t], VIEW, SIZE) for t in chosen}
+        self._views: dict[int, Hit] = {int(t): cast_view(test.meshes[t], CAMERA, SIZE) for t in chosen}
         self._rays: dict[int, float] = {}
         self._milliseconds: dict[int, float] = {}
 

@@ -58,7 +58,7 @@ class DeformConfig(ModelConfig):
     """The regression of patches."""
 
     patches: int = setting(64, "patches that the surface is divided into", least=1)
-    megabytes: float = setting(8.0, "size of the model, which is less where less is enough", least=0)
+    megabytes: float = setting(8.0, "size of the model file; its directions are chosen for it", least=0)
     ridge: float = setting(0.0, "ridge, relative to the kernel; 0: by leaving one pose out in each patch", least=0)
 
 
