@@ -43,8 +43,8 @@ def _compiled(config: ModelConfig) -> Any:
 
 
 def _normals_on_device(mesh: Mesh, carried: CarriedNormals) -> Callable[[Array], Array]:
-    """Normals of a pose in a program of their own, of this mesh: in one with the coefficients, or with faces that are
-    not known before, they take twice as long, and by NumPy three times."""
+    """Normals of a pose in a program of their own, of this mesh: in one program with the coefficients, frames took up
+    to twice as long."""
 
     used = np.flatnonzero(referenced(mesh))
 
