@@ -69,7 +69,7 @@ def slope_over_gradient(config: UNetConfig, state: Any, inputs: jax.Array, targe
 def measure(run: RunConfig, images: Images) -> dict[str, Any]:
     """Figures of one config, and what a step does to the loss of its own batch."""
     config, optimizer = cast("UNetConfig", run.model), make_optimizer(run.optim)
-    state = initial_state(run, len(images.low))
+    state = initial_state(run, images)
     inputs, targets = (jnp.asarray(part, jnp.float32) for part in (images.inputs, images.targets))
     slope = slope_over_gradient(config, state, inputs, targets)
     rate, static = jnp.float32(run.optim.learning_rate), {"config": config, "optimizer": optimizer}

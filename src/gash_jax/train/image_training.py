@@ -4,7 +4,7 @@ A run that was interrupted goes on from its last checkpoint, bit for bit on a CP
 learning rate, follow from its number alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -18,7 +18,14 @@ from jaxtyping import Array, Float
 from gash_jax.geometry.geometry_image import GeometryImage, geometry_image
 from gash_jax.geometry.image_fit import image_fit
 from gash_jax.geometry.parameterisation import parameterise
-from gash_jax.models.deep_prt import INPUTS, image_arrays, network_arrays, pose_image
+from gash_jax.models.deep_prt import (
+    MEAN,
+    change_arrays,
+    image_arrays,
+    inputs_of,
+    network_arrays,
+    pose_image,
+)
 from gash_jax.models.pose_reader import fit_reader, reader_arrays
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.unet import UNetConfig, build_unet
@@ -46,7 +53,7 @@ class ImageState(NamedTuple):
 class Images(NamedTuple):
     """Frames as images, float16; targets as shares of each channel's range."""
 
-    inputs: Float[np.ndarray, "t n n 6"]
+    inputs: Float[np.ndarray, "t n n i"]
     targets: Float[np.ndarray, "t n n c"]
     low: Float[np.ndarray, "c"]
     high: Float[np.ndarray, "c"]
@@ -54,13 +61,12 @@ class Images(NamedTuple):
 
 def frames_as_images(arrays: dict[str, np.ndarray], image: GeometryImage, poses: TrainingPoses) -> Images:
     """All frames of an animation as images by the map of its rest; targets are those that give vertices most back."""
-    fit, size, count = image_fit(image), len(image.face), len(poses.animation)
-    inputs = np.empty((count, size, size, INPUTS), np.float16)
+    fit, size, count, mean = image_fit(image), len(image.face), len(poses.animation), arrays.get(MEAN, np.float32(0))
+    inputs = np.empty((count, size, size, *pose_image(arrays, *poses.animation.mesh[:2]).shape[2:]), np.float16)
     targets = np.empty((count, size, size, poses.shards[0].shape[-1]), np.float16)
-    frames = (frame for shard in poses.shards for frame in shard)
-    for t, (mesh, frame) in enumerate(zip(posed_meshes(poses.animation), frames, strict=True)):
+    for t, (mesh, frame) in enumerate(zip(posed_meshes(poses.animation), _frames(poses), strict=True)):
         inputs[t] = pose_image(arrays, mesh.vertices, mesh.normals)
-        targets[t] = fit(np.asarray(frame, np.float32))
+        targets[t] = fit(np.asarray(frame, np.float32) - mean)
     low, high = (np.asarray(find(targets, axis=(0, 1, 2)), np.float32) for find in (np.min, np.max))
     room = np.maximum(ROOM * (high - low), 1e-3 * np.abs(high + low) + 1e-6)  # some channels hardly change
     low, high = low - room, high + room
@@ -69,12 +75,16 @@ def frames_as_images(arrays: dict[str, np.ndarray], image: GeometryImage, poses:
     return Images(inputs, targets, low, high)
 
 
+def _frames(poses: TrainingPoses) -> Iterator[Float[np.ndarray, "v c"]]:
+    return (frame for shard in poses.shards for frame in shard)
+
+
 @partial(jax.jit, static_argnames=("config", "optimizer"), donate_argnames=("params", "means", "moments"))
 def image_step(
     params: Any,
     means: Any,
     moments: Any,
-    inputs: Float[Array, "b n n 6"],
+    inputs: Float[Array, "b n n i"],
     targets: Float[Array, "b n n c"],
     rate: Array,
     *,
@@ -102,6 +112,8 @@ def fit_deep_prt(
     rest, config = poses.animation.mesh, cast("UNetConfig", run.model)
     image = geometry_image(parameterise(rest), config.size)
     arrays = image_arrays(image, rest)
+    if config.changes:
+        arrays |= change_arrays(arrays, posed_meshes(poses.animation), _frames(poses))
     images = frames_as_images(arrays, image, poses)
     state = train_images(run, images, folder, report)
     trained = network_arrays({"params": state.params, "batch_stats": state.means})
@@ -109,18 +121,25 @@ def fit_deep_prt(
     return {**reader_arrays(fit_reader(poses.animation)[0]), **arrays, **ranges, **trained}
 
 
-def initial_state(run: RunConfig, outputs: int) -> ImageState:
-    """Fresh parameters from the seed, of a network with so many channels."""
+def initial_state(run: RunConfig, images: Images) -> ImageState:
+    """Fresh parameters from the seed, of a network that says the mean of all texels of its targets.
+
+    From random images a network of mere changes came to say nothing at all: it first unlearns them, and its last
+    ReLUs with them.
+    """
     config = cast("UNetConfig", run.model)
-    blank = jnp.zeros((1, config.size, config.size, INPUTS), jnp.float32)
-    found = jax.jit(build_unet(config, outputs).init)(jax.random.key(run.train.seed), blank)
+    blank = jnp.zeros((1, config.size, config.size, inputs_of(config)), jnp.float32)
+    found = jax.jit(build_unet(config, len(images.low)).init)(jax.random.key(run.train.seed), blank)
+    share = np.mean([image.mean(axis=(0, 1), dtype=np.float64) for image in images.targets], axis=0)
+    head, bias = found["params"]["head"], np.tile(np.log(share / (1 - share)), config.fold**2)
+    found["params"]["head"] = {"kernel": jnp.zeros_like(head["kernel"]), "bias": jnp.asarray(bias, jnp.float32)}
     return ImageState(found["params"], found["batch_stats"], make_optimizer(run.optim).init(found["params"]), 0, 0.0)
 
 
 def train_images(run: RunConfig, images: Images, folder: Path, report: Callable[[float], None]) -> ImageState:
     """Train to the end of the budget, from where the folder's checkpoint stands."""
     train, clock, optimizer = run.train, make_clock(run.train), make_optimizer(run.optim)
-    state, first = initial_state(run, len(images.low)), True
+    state, first = initial_state(run, images), True
     if has_checkpoint(folder):
         state = restore_checkpoint(folder, state)[0]
     started = clock() - state.elapsed

@@ -10,7 +10,7 @@ import numpy as np
 
 from gash_jax.apps.exports.deforming import indices, pose_position
 from gash_jax.apps.exports.graph import Graph, Value
-from gash_jax.models.deep_prt import NET
+from gash_jax.models.deep_prt import MEAN, MEAN_POSE, NET, SPREAD
 
 PARAMETERS, MEANS = f"{NET}params/", f"{NET}batch_stats/"
 FLAX_EPSILON = 1e-5  # of batch normalisation
@@ -21,11 +21,15 @@ def write_deep_prt(g: Graph, config: Any) -> Value:
     count, size, outputs = len(g.weights["image/texels"]), config.size, len(g.weights["low"])
     placed = (pose_position(g, count) - g.weight("input/middle")) / g.weight("input/size")
     normals = g.input("normal", (count, 3), "unit normal of each vertex in the pose, 0 where it has none")
-    x = _to_image(g, g.concat([placed, normals], 1)).transpose(2, 0, 1).unsqueeze(0)
+    seen = g.concat([placed, normals], 1)
+    if config.changes:
+        seen = g.concat([seen, (seen - g.weight(MEAN_POSE)) / g.weight(SPREAD)], 1)
+    x = _to_image(g, seen).transpose(2, 0, 1).unsqueeze(0)
     shares = _unet(g, config, x).reshape(outputs, size * size).transpose(1, 0)
     found = g.weight("low") + (g.weights["high"] - g.weights["low"]) * shares
     around = found.take(indices(g, "image/texels"))  # (v, 4, k)
-    return (g.weight("image/bilinear").unsqueeze(2) * around).sum(1)
+    found = (g.weight("image/bilinear").unsqueeze(2) * around).sum(1)
+    return found + g.weight(MEAN) if config.changes else found
 
 
 def _to_image(g: Graph, values: Value) -> Value:
@@ -39,6 +43,8 @@ def _to_image(g: Graph, values: Value) -> Value:
 def _unet(g: Graph, config: Any, x: Value) -> Value:
     """Images (1, k, n, n) of the shares between 0 and 1."""
     kept = []
+    if config.fold > 1:
+        x = g.add("SpaceToDepth", x, blocksize=config.fold)
     for level in range(config.levels + 1):
         for block in range(config.blocks):
             x = _residual(g, f"down_{level}_{block}/", x, 2 if level and not block else 1)
@@ -47,7 +53,10 @@ def _unet(g: Graph, config: Any, x: Value) -> Value:
         x = g.concat([kept[level], _doubled(x)], 1)
         for block in range(config.blocks):
             x = _residual(g, f"up_{level}_{block}/", x, 1)
-    return _convolved(g, "head", x, 1).apply("Sigmoid")
+    x = _convolved(g, "head", x, 1)
+    if config.fold > 1:
+        x = g.add("DepthToSpace", x, blocksize=config.fold)  # its first mode, DCR: block before channel
+    return x.apply("Sigmoid")
 
 
 def _residual(g: Graph, name: str, x: Value, stride: int) -> Value:
