@@ -31,7 +31,8 @@ from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = DEFORMING_FORMAT, 1
-HALVES = ("mean", "basis")  # that are written in float16; rounded weights alone would make an error of .012
+# how large arrays are written, by the first part of their name; all others are float32
+STORED = {"mean": np.float16, "basis": np.float16, "known": np.float16, "into": np.float16, "directions": np.int8}
 FAR = 1e36  # of float32 coordinates: sums of a few hundred of them are finite
 REST = ("rest/vertices", "rest/normals", "rest/faces")
 LIGHT = "light"  # the coefficients (bands², 3) of the light, of a model of radiance
@@ -68,7 +69,10 @@ class DeformingModel:
     def __init__(self, config: ModelConfig, arrays: dict[str, Any], mesh: Mesh, metadata: dict[str, Any]):
         self.config: Any = config
         self.mesh, self.metadata = mesh, metadata
-        self.arrays = {name: np.asarray(array, np.float32) for name, array in arrays.items()}
+        self.arrays = {
+            name: np.asarray(array, np.int8 if _stored(name) is np.int8 else np.float32)
+            for name, array in arrays.items()
+        }
         self._carried = carried_normals(mesh, mesh.faces)
         self._normals = _normals_on_device(mesh, self._carried)
         self._held = {name: jnp.asarray(array) for name, array in self.arrays.items()}
@@ -155,8 +159,11 @@ class DeformingModel:
 
 def as_stored(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Arrays in the precision of a model file."""
-    halves = {name for name in arrays if name.split("/")[0] in HALVES}
-    return {name: np.asarray(a, np.float16 if name in halves else np.float32) for name, a in arrays.items()}
+    return {name: np.asarray(array, _stored(name)) for name, array in arrays.items()}
+
+
+def _stored(name: str) -> type:
+    return STORED.get(name.split("/")[0], np.float32)
 
 
 def save_deforming_model(
@@ -199,7 +206,8 @@ def load_deforming_model(name: str | Path) -> DeformingModel:
     outputs = config.bands**2 * (3 if LIGHT in arrays else 1)
     rest: dict[str, tuple[int | str, ...]] = {REST[0]: ("v", 3), REST[1]: ("v", 3), REST[2]: ("f", 3)}
     rest |= {**POSE_SHAPES, LIGHT: (config.bands**2, 3)}
-    check_arrays(path, "model", arrays, {**rest, **DEFORMING[config.name].shapes(config, outputs)}, (LIGHT,))
+    shapes = {**rest, **DEFORMING[config.name].shapes(config, outputs)}
+    check_arrays(path, "model", arrays, shapes, (LIGHT,), [name for name in shapes if _stored(name) is np.int8])
     vertices, normals, faces = (arrays.pop(name) for name in REST)
     mesh = Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces.astype(np.int32))
     return DeformingModel(config, arrays, mesh, metadata)

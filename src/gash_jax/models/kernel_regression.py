@@ -6,25 +6,37 @@ right singular vectors B (rank, n) are kept (reduced-rank regression, Izenman 19
 W = M (Y - m) B^T of shape (t, rank) a prediction is m + k(pose) W B. The ridge may be chosen by the error of leaving
 one pose out, [M (Y - m)]_i / M_ii (Rasmussen & Williams 2006, 5.12), which needs no further fit. All but two products
 are of (t, t) arrays, so what a fit costs is reading Y twice.
+
+A regression may know fewer poses than it is fitted to (`kernel_machine`): with C the columns of K of s poses, M is
+(C^T C + ridge K_ss)^-1 C^T, of shape (s, t), a prediction is m + k_s(pose) M (Y - m), and all poses still speak (subset
+of regressors, 8.14 there). They are chosen by pivoted Cholesky factorisation: each next is the one that those before
+tell least of.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 RIDGES = tuple(10.0**power for power in np.arange(-4, 0.01, 0.5))  # that are tried, times the mean of K's diagonal
 WEAKEST = 1e-9  # of the energy of the strongest direction that counts
+
+
+class Machine(NamedTuple):
+    """A regression before its outputs are known: the poses that it knows, the columns C of the kernel, and M."""
+
+    chosen: Int[np.ndarray, "s"]
+    columns: Float[np.ndarray, "t s"]
+    inverse: Float[np.ndarray, "s t"]
 
 
 class LowRank(NamedTuple):
     """A regression kept in few directions (module docstring)."""
 
     mean: Float[np.ndarray, "n"]
-    dual: Float[np.ndarray, "t r"]
+    dual: Float[np.ndarray, "s r"]
     basis: Float[np.ndarray, "r n"]
-    ridge: float  # that was used
     energy: Float[np.ndarray, "r"]  # of the predictions at the training poses along each direction
 
 
@@ -42,26 +54,60 @@ def leave_one_out(
     return np.array(errors)
 
 
-def fit_low_rank(
-    kernel: Float[np.ndarray, "t t"], outputs: Float[np.ndarray, "t n"], rank: int, ridge: float = 0.0
-) -> LowRank:
-    """The regression of the module docstring in float32; `ridge` in units of the mean of the kernel's diagonal, 0 has
-    it chosen from `RIDGES`.
+def spread_poses(kernel: Float[np.ndarray, "t t"], most: int) -> Int[np.ndarray, "s"]:
+    """At most so many poses, each the one of which those before tell least; all of them where there are no more."""
+    if most >= len(kernel):
+        return np.arange(len(kernel))
+    left, factor, chosen = np.diag(kernel).copy(), np.zeros((len(kernel), most)), []
+    for number in range(most):
+        chosen.append(int(left.argmax()))
+        column = kernel[:, chosen[-1]] - factor[:, :number] @ factor[chosen[-1], :number]
+        factor[:, number] = column / np.sqrt(max(left[chosen[-1]], 1e-12 * max(float(kernel[0, 0]), 1e-30)))
+        left -= factor[:, number] ** 2
+        left[chosen] = -np.inf
+    return np.array(chosen)
+
+
+def kernel_machine(kernel: Float[np.ndarray, "t t"], ridge: float, most: int) -> Machine:
+    """The regression of a kernel with a ridge that knows at most so many poses."""
+    chosen = spread_poses(kernel, most)
+    columns = kernel[:, chosen]
+    own, size = columns[chosen], float(np.trace(columns[chosen])) or 1.0
+    own = own + 1e-10 * size * np.eye(len(chosen))  # poses may be all but the same
+    if len(chosen) == len(kernel):
+        return Machine(chosen, columns, np.linalg.inv(own + ridge * np.eye(len(kernel))))
+    products = columns.T @ columns + ridge * own + 1e-10 * size**2 * np.eye(len(chosen))
+    return Machine(chosen, columns, np.linalg.solve(products, columns.T))
+
+
+def ridge_machine(kernel: Float[np.ndarray, "t t"], gram: Float[np.ndarray, "t t"], ridge: float = 0.0) -> Machine:
+    """The regression that knows all poses; `ridge` in units of the mean of the kernel's diagonal, 0 has it chosen from
+    `RIDGES` by leaving one pose out of outputs whose products, less their mean, are `gram`.
     """
-    mean = outputs.mean(axis=0)
-    apart = outputs - mean
-    gram = (apart @ apart.T).astype(np.float64)
     kernel, unit = kernel.astype(np.float64), max(float(np.trace(kernel)) / len(kernel), 1e-30)
     if not ridge:
         ridge = RIDGES[int(np.argmin(leave_one_out(kernel, gram, [unit * each for each in RIDGES])))]
-    inverse = np.linalg.inv(kernel + ridge * unit * np.eye(len(kernel)))
-    smooth = kernel @ inverse
+    return kernel_machine(kernel, ridge * unit, len(kernel))
+
+
+def products_of(outputs: Float[np.ndarray, "t n"]) -> Float[np.ndarray, "t t"]:
+    """Products of the outputs of any two poses, less their mean."""
+    apart = outputs - outputs.mean(axis=0)
+    return (apart @ apart.T).astype(np.float64)
+
+
+def fit_low_rank(
+    machine: Machine, outputs: Float[np.ndarray, "t n"], gram: Float[np.ndarray, "t t"], rank: int
+) -> LowRank:
+    """The leading directions of what a regression predicts of some outputs, float32, with their products."""
+    mean = outputs.mean(axis=0)
+    smooth = machine.columns @ machine.inverse
     values, vectors = np.linalg.eigh(smooth @ gram @ smooth.T)
     kept = np.argsort(-values)[: min(rank, len(values))]
     strong = values[kept] > WEAKEST * max(float(values.max()), 1e-30)  # the others are rounding, and stay zeros
     size = np.sqrt(np.where(strong, values[kept], 1))
     into = strong * (smooth.T @ vectors[:, kept]) / size  # (t, r): B = into^T (Y - m)
-    dual, basis = inverse @ gram @ into, into.T.astype(np.float32) @ apart
+    dual, basis = machine.inverse @ gram @ into, into.T.astype(np.float32) @ (outputs - mean)
     short = rank - len(kept)
     dual, basis = np.pad(dual, ((0, 0), (0, short))), np.pad(basis, ((0, short), (0, 0)))
-    return LowRank(mean, dual.astype(np.float32), basis, ridge, np.pad(strong * values[kept], (0, short)))
+    return LowRank(mean, dual.astype(np.float32), basis, np.pad(strong * values[kept], (0, short)))

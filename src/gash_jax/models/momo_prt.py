@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gash_jax.files.settings import setting
-from gash_jax.models.kernel_regression import fit_low_rank
+from gash_jax.models.kernel_regression import fit_low_rank, products_of, ridge_machine
 from gash_jax.models.pose_reader import fit_reader, read_pose, reader_arrays, reader_of
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
@@ -37,7 +37,9 @@ def fit_momo(config: MomoConfig, poses: TrainingPoses) -> dict[str, Any]:
     middle = rows.mean(axis=0)
     apart = rows - middle
     rank = min(config.rank, rows.shape[1])
-    found = fit_low_rank(apart @ apart.T, outputs.reshape(len(outputs), -1), rank, config.ridge)
+    flat = outputs.reshape(len(outputs), -1)
+    gram = products_of(flat)
+    found = fit_low_rank(ridge_machine(apart @ apart.T, gram, config.ridge), flat, gram, rank)
     return {
         **reader_arrays(reader),
         "middle": middle.astype(np.float32),
