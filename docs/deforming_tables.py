@@ -46,6 +46,19 @@ def deforming_table(result: dict[str, Any]) -> str:
     return "\n".join([table_of, "", *told])
 
 
+def sizes_table(result: dict[str, Any]) -> str:
+    """The U-Net by width, depth and the size of its images."""
+    header = ["width", "depth", "images", "parameters", "MB", "steps", "relrmse", "accuracy", "L1", "skill"]
+    rows = [
+        [str(row["width"]), str(row["depth"]), f"{row['images']}²", str(row["parameters"]), f"{row['bytes'] / 1e6:.1f}"]
+        + [str(row["steps"])]
+        + [f"{row[name]:.4f}" for name in ("relrmse", "accuracy", "l1", "skill")]
+        for row in result["rows"]
+    ]
+    told = f"{result['arguments']['seconds']:.0f} CPU seconds of a core each; seed {result['seed']}; {origin(result)}."
+    return f"{table(header, rows)}\n\n{told}"
+
+
 def image_step_table(result: dict[str, Any]) -> str:
     """One training step of the U-Net at its shipped sizes."""
     header = ["config", "images", "parameters", "frames", "seconds a step", "GFLOP", "memory, MB", "slope / gradient²"]

@@ -10,22 +10,13 @@ import numpy as np
 import pytest
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
+from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.atomic import FileError
 from gash_jax.files.settings import from_dict
 from gash_jax.geometry.animation import Animation, Recorded
 from gash_jax.geometry.carried_normals import carried_normals
 from gash_jax.geometry.mesh import MeshError
-from gash_jax.models.deform import (
-    WAYS,
-    displacements,
-    divide_surface,
-    local_coefficients,
-    local_frames,
-    matern,
-    pose_kernel,
-    relevance,
-    without_rigid,
-)
+from gash_jax.models.deform import local_coefficients, local_frames
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.deforming_model import DeformingModel, load_deforming_model, save_deforming_model
 from gash_jax.models.families import model_config
@@ -49,7 +40,7 @@ LINEAR = 0.2 + np.tensordot(MOVING.parameters, 0.05 * PUSH, axes=1)  # linear in
 CONFIGS = {
     "momo-prt": {"rank": 4},
     "deform": {"patches": 6},
-    "deep-prt": {"size": 16, "channels": 2, "levels": 2},
+    "deep-prt": {"size": 16, "channels": 2, "levels": 2, "fold": 2, "changes": True},
 }
 
 
@@ -88,6 +79,16 @@ def test_deform_has_the_closed_form_exactly_in_every_pose() -> None:
     np.testing.assert_allclose(model(far), expected, atol=2e-3)
     wrong = np.abs(np.asarray(fitted("momo-prt", 0.8 * BARE)(far)) - expected).max()
     assert wrong > 0.05  # which a linear model has not
+
+
+def test_deform_moves_its_shadows_with_a_body_that_moves_as_a_whole() -> None:
+    """Turned and moved in space a pose is no other pose."""
+    model = fitted("deform", LINEAR)
+    turn, pose = random_rotation(5), MOVING.frame(4).astype(np.float64)
+    moved = (pose @ turn.T + [3.0, -1.0, 2.0]).astype(np.float32)
+    expected = rotate_coefficients(np.asarray(model(MOVING.frame(4))), turn.astype(np.float32))
+    np.testing.assert_allclose(model(moved), expected, atol=2e-3)
+    assert np.abs(np.asarray(model(MOVING.frame(5))) - model(MOVING.frame(4))).max() > 0.02  # another pose is another
 
 
 def test_it_is_a_function_that_jax_can_turn(model: DeformingModel) -> None:
@@ -207,51 +208,3 @@ def test_local_coefficients_of_a_turned_body_are_those_of_the_body() -> None:
     np.testing.assert_allclose(np.linalg.det(still), 1, atol=1e-5)
     found = local_coefficients(TrainingPoses(MOVING, [BARE.astype(np.float16)]), neighbour)
     assert np.abs(found - found[0]).max() < 2e-3  # the closed form is the same in every pose
-
-
-def test_a_rigid_motion_changes_no_shape() -> None:
-    points, weight = np.random.default_rng(3).normal(size=(2, 20, 3))[0], np.linspace(0.1, 1, 20)
-    turned = np.cross([0.3, -1.0, 0.5], points) + [4.0, 5.0, 6.0]  # to first order
-    wider = 0.1 * points
-    rest = without_rigid(np.stack([turned, wider, wider + turned]), points, weight)
-    np.testing.assert_allclose(rest[0], 0, atol=1e-12)
-    np.testing.assert_allclose(rest[2], rest[1], atol=1e-12)
-    assert np.linalg.norm(rest[1]) > 0.1
-    # by hand: of two points that part along x by 1 each, all is left, times the roots of the weights
-    pair = np.array([[1.0, 0, 0], [-1, 0, 0]])
-    np.testing.assert_allclose(without_rigid(pair[None], pair, np.array([0.5, 0.5])), [pair.ravel() / np.sqrt(2)])
-
-
-def test_displacements_are_those_of_the_shapes() -> None:
-    chosen = np.array([3, 70, 11])
-    motion: Any = MOVING.motion
-    found = displacements(MOVING, MOVING.parameters.astype(float), chosen)
-    np.testing.assert_allclose(found, motion.deltas[:, chosen], atol=1e-5)
-    alike = np.repeat(MOVING.parameters[:, :1].astype(float), 2, axis=1)  # two numbers that always agree share
-    one = displacements(MOVING._replace(parameters=MOVING.parameters * [1, 0, 0, 0]), alike, chosen)
-    np.testing.assert_allclose(one, np.stack([motion.deltas[0, chosen] / 2] * 2), atol=1e-5)
-
-
-def test_the_relevance_of_a_number_is_how_it_changes_what_is_near() -> None:
-    sample = np.random.default_rng(4).uniform(-1, 1, (60, 3))
-    near, far = (np.exp(-30 * ((sample - [side, 0, 0]) ** 2).sum(axis=1))[:, None] * sample for side in (-1, 1))
-    whole = np.cross([0.0, 1, 0], sample)  # turns everything
-    poses = np.random.default_rng(5).normal(size=(30, 3))
-    found = relevance(np.array([-1.0, 0, 0]), sample, np.stack([near, far, whole]), poses, 3.0)
-    assert found.shape == (3, WAYS)
-    size = np.linalg.norm(found, axis=1)
-    assert size[0] > 10 * size[1] and size[2] < 1e-9 * size[0]
-    centred = poses - poses.mean(axis=0)
-    assert np.mean(np.sum((centred @ found) ** 2, axis=1)) == pytest.approx(1)
-
-
-def test_patches_and_the_kernel() -> None:
-    patch, middles = divide_surface(MESH.vertices.astype(float), 6)
-    assert set(patch) == set(range(6)) and len(middles) == 6 and np.bincount(patch).max() < 2 * COUNT / 6
-    far = np.sqrt(3) * 5 / 4
-    np.testing.assert_allclose(matern(np.array([0.0, 25])), [1, (1 + far) * np.exp(-far)])
-    arrays: Any = fitted("deform", 0.8 * BARE).arrays
-    pose = arrays["poses"][3] + np.float32(0.1)
-    apart = (arrays["poses"] - pose[None]) @ arrays["relevance"]  # f' - f of every patch
-    found = pose_kernel({name: jnp.asarray(array) for name, array in arrays.items()}, jnp.asarray(pose))
-    np.testing.assert_allclose(found, matern((apart**2).sum(axis=2)), atol=1e-5)

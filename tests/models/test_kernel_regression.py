@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from gash_jax.models.kernel_regression import RIDGES, fit_low_rank, leave_one_out
+from gash_jax.models.kernel_regression import (
+    RIDGES,
+    LowRank,
+    fit_low_rank,
+    kernel_machine,
+    leave_one_out,
+    products_of,
+    ridge_machine,
+    spread_poses,
+)
 
 RNG = np.random.default_rng(5)
 INPUTS, OTHERS = RNG.normal(size=(30, 4)), RNG.normal(size=(7, 4))
@@ -18,8 +27,13 @@ def direct(inputs: np.ndarray, outputs: np.ndarray, others: np.ndarray, ridge: f
     return kernel(others, inputs) @ dual + OUTPUTS.mean(axis=0)
 
 
+def low_rank(outputs: np.ndarray, rank: int, ridge: float, most: int = 99) -> LowRank:
+    machine = kernel_machine(kernel(INPUTS, INPUTS), ridge, most)
+    return fit_low_rank(machine, outputs, products_of(outputs), rank)
+
+
 def test_with_all_directions_it_is_the_regression_of_every_output() -> None:
-    found = fit_low_rank(kernel(INPUTS, INPUTS), OUTPUTS, 30, 0.01)
+    found = low_rank(OUTPUTS, 30, 0.01)
     expected = direct(INPUTS, OUTPUTS, OTHERS, 0.01)
     np.testing.assert_allclose(found.mean + kernel(OTHERS, INPUTS) @ found.dual @ found.basis, expected, atol=2e-3)
 
@@ -27,7 +41,7 @@ def test_with_all_directions_it_is_the_regression_of_every_output() -> None:
 def test_fewer_directions_are_the_best_fit_of_its_predictions() -> None:
     smooth = direct(INPUTS, OUTPUTS, INPUTS, 0.01) - OUTPUTS.mean(axis=0)
     left, sizes, right = np.linalg.svd(smooth, full_matrices=False)
-    found = fit_low_rank(kernel(INPUTS, INPUTS), OUTPUTS, 3, 0.01)
+    found = low_rank(OUTPUTS, 3, 0.01)
     kept = kernel(INPUTS, INPUTS) @ found.dual @ found.basis
     np.testing.assert_allclose(kept, (left[:, :3] * sizes[:3]) @ right[:3], atol=1e-3)
 
@@ -46,7 +60,52 @@ def test_the_error_of_leaving_one_out_is_that_of_doing_so() -> None:
 
 def test_the_ridge_follows_the_noise_and_more_directions_than_poses_are_zeros() -> None:
     noisy = OUTPUTS + RNG.normal(size=OUTPUTS.shape).astype(np.float32)
-    clean, rough = (fit_low_rank(kernel(INPUTS, INPUTS), outputs, 40).ridge for outputs in (OUTPUTS, noisy))
-    assert clean in RIDGES and rough > clean
-    found = fit_low_rank(kernel(INPUTS, INPUTS), OUTPUTS, 40)
-    assert found.basis.shape == (40, 50) and not found.basis[30:].any()
+    square, found = kernel(INPUTS, INPUTS), []
+    for outputs in (OUTPUTS, noisy):
+        gram = products_of(outputs)
+        machine = ridge_machine(square, gram)
+        best = RIDGES[int(np.argmin(leave_one_out(square, gram, RIDGES)))]
+        np.testing.assert_allclose(machine.inverse, ridge_machine(square, gram, best).inverse)
+        found.append(best)
+    assert found[0] < found[1]
+    assert not low_rank(OUTPUTS, 40, 0.01).basis[30:].any()
+
+
+def test_a_regression_that_knows_some_poses_is_the_best_of_them_for_all() -> None:
+    """Against the normal equations, solved for every output; by the identity it tends to the whole one."""
+    ridge, square = 0.02, kernel(INPUTS, INPUTS)
+    machine = kernel_machine(square, ridge, 12)
+    known = INPUTS[machine.chosen]
+    columns, apart = kernel(INPUTS, known), OUTPUTS - OUTPUTS.mean(axis=0)
+    weights = np.linalg.solve(columns.T @ columns + ridge * kernel(known, known), columns.T @ apart)
+    np.testing.assert_allclose(machine.inverse @ apart, weights, rtol=1e-4, atol=1e-4)
+    found = low_rank(OUTPUTS, 30, ridge, 12)
+    told = found.mean + kernel(OTHERS, known) @ found.dual @ found.basis
+    np.testing.assert_allclose(told, kernel(OTHERS, known) @ weights + OUTPUTS.mean(axis=0), atol=2e-3)
+
+    def loss(weights: np.ndarray) -> float:
+        return np.sum((columns @ weights - apart) ** 2) + ridge * np.sum(weights * (kernel(known, known) @ weights))
+
+    for _ in range(5):
+        assert loss(weights) < loss(weights + 0.01 * RNG.normal(size=weights.shape))
+    whole = direct(INPUTS, OUTPUTS, OTHERS, ridge)
+    few, many = (np.abs(predicted(count, ridge) - whole).max() for count in (5, 29))
+    assert many < 0.1 * few
+
+
+def predicted(count: int, ridge: float) -> np.ndarray:
+    machine = kernel_machine(kernel(INPUTS, INPUTS), ridge, count)
+    weights = machine.inverse @ (OUTPUTS - OUTPUTS.mean(axis=0))
+    return kernel(OTHERS, INPUTS[machine.chosen]) @ weights + OUTPUTS.mean(axis=0)
+
+
+def test_poses_are_chosen_that_the_others_do_not_tell() -> None:
+    """By hand: of two heaps the second pose is from the other heap; and no pose twice where all are the same."""
+    heaps = np.concatenate([0.01 * RNG.normal(size=(10, 4)), 5 + 0.01 * RNG.normal(size=(10, 4))])
+    first, second = spread_poses(kernel(heaps, heaps), 2)
+    assert (first < 10) != (second < 10)
+    assert spread_poses(kernel(INPUTS, INPUTS), 30).tolist() == list(range(30))
+    for same in (np.ones((6, 6)), np.zeros((6, 6))):
+        assert len(set(spread_poses(same, 4))) == 4
+        assert np.isfinite(kernel_machine(same, 0.0, 4).inverse).all()
+        assert np.isfinite(kernel_machine(same, 1e20, 9).inverse).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gash_jax.models.deep_prt import network_shapes
-from gash_jax.nn.unet import ResidualBlock, UNet, UNetConfig, _doubled
+from gash_jax.nn.unet import ResidualBlock, UNet, UNetConfig, _doubled, folded, unfolded
 from gash_jax.train.config import load_config
 
 IMAGES = jnp.asarray(np.random.default_rng(1).normal(size=(3, 16, 16, 6)), jnp.float32)
@@ -77,3 +77,24 @@ def test_the_configs_have_the_sizes_that_they_say() -> None:
 def test_images_that_cannot_be_halved_are_refused() -> None:
     with pytest.raises(ValueError, match="cannot be halved 4 times"):
         UNetConfig("deep-prt", size=40)
+    with pytest.raises(ValueError, match="of 16 texels in blocks of 2 cannot be halved 4 times: use a multiple of 32"):
+        UNetConfig("deep-prt", size=16, fold=2)
+
+
+def test_blocks_are_folded_into_channels_and_back() -> None:
+    x = jnp.arange(2.0 * 4 * 4 * 3).reshape(2, 4, 4, 3)
+    found = folded(x, 2)
+    assert found.shape == (2, 2, 2, 12)
+    np.testing.assert_array_equal(found[1, 0, 1].reshape(2, 2, 3), x[1, :2, 2:])  # a block, row by row
+    np.testing.assert_array_equal(unfolded(found, 2), x)
+    np.testing.assert_array_equal(folded(x, 1), x)
+
+
+def test_a_folded_network_gives_images_of_the_whole_size() -> None:
+    network = UNet(channels=4, levels=1, blocks=1, outputs=3, fold=2)
+    variables = network.init(jax.random.key(0), IMAGES)
+    found: Any = jax.jit(network.apply)(variables, IMAGES)
+    assert found.shape == (3, 16, 16, 3) and found.min() > 0 and found.max() < 1
+    assert np.abs(np.diff(found, axis=1)).max() > 1e-3  # texels of a block differ
+    slope = jax.grad(lambda x: network.apply(variables, x).sum())(IMAGES)  # type: ignore[union-attr]
+    assert np.isfinite(slope).all() and np.abs(slope).max() > 0

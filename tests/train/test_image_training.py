@@ -1,8 +1,10 @@
 """Training of the U-Net: its images, that it learns, that it goes on where it stopped, what it refuses."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -10,7 +12,16 @@ from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.geometry_image import geometry_image
 from gash_jax.geometry.image_fit import image_fit
 from gash_jax.geometry.parameterisation import parameterise
-from gash_jax.models.deep_prt import image_arrays, image_of, pose_image
+from gash_jax.models.deep_prt import (
+    MEAN,
+    MEAN_POSE,
+    change_arrays,
+    image_arrays,
+    image_of,
+    network_arrays,
+    pose_image,
+    predict_deep_prt,
+)
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.unet import UNetConfig
 from gash_jax.prt.sequence import posed_meshes
@@ -18,7 +29,7 @@ from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import image_training
 from gash_jax.train.config import OptimConfig, RunConfig, TrainConfig
-from gash_jax.train.image_training import PHASE, Images, frames_as_images, train_images
+from gash_jax.train.image_training import PHASE, Images, frames_as_images, initial_state, train_images
 from gash_jax.train.logs import read_lines
 from gash_jax.train.phase_run import DivergenceError
 
@@ -57,6 +68,41 @@ def test_images_hold_the_frames(images: Images) -> None:
     np.testing.assert_allclose(images.inputs[9][..., :3], by_hand, atol=2e-3)
     np.testing.assert_array_equal(image_of(ARRAYS).texels, IMAGE.texels)
     np.testing.assert_array_equal(pose_image(ARRAYS, mesh.vertices, mesh.normals).shape, (32, 32, 6))
+
+
+def test_with_changes_images_hold_differences() -> None:
+    """To the mean pose, in units of how much poses differ, beside the pose; and to the mean coefficients."""
+    meshes = list(posed_meshes(MOVING))
+    arrays = {**ARRAYS, **change_arrays(ARRAYS, meshes, TRUTH)}
+    np.testing.assert_allclose(arrays[MEAN], TRUTH.astype(float).mean(axis=0), atol=1e-6)
+    found = frames_as_images(arrays, IMAGE, POSES)
+    plain = pose_image(ARRAYS, meshes[3].vertices, meshes[3].normals)
+    np.testing.assert_allclose(found.inputs[3][..., :6], plain, atol=2e-3)
+    poses = np.stack([mesh.vertices for mesh in meshes]).astype(float)
+    size = np.linalg.norm(np.ptp(MESH.vertices, axis=0)) / 2
+    apart = (poses - poses.mean(axis=0)) / size
+    by_hand = IMAGE.to_image((apart[3] / np.sqrt((apart**2).mean())).astype(np.float32))
+    np.testing.assert_allclose(found.inputs[3][..., 6:9], by_hand, atol=5e-3)
+    np.testing.assert_allclose((arrays[MEAN_POSE] * size)[:, :3].std(axis=0), poses.mean(axis=0).std(axis=0), rtol=1e-4)
+    back = IMAGE.from_image(found.low + (found.high - found.low) * found.targets[9].astype(np.float32)) + arrays[MEAN]
+    fitted = IMAGE.from_image(image_fit(IMAGE)(TRUTH[9].astype(np.float32)))
+    error, without = (np.abs(part - TRUTH[9].astype(float)).mean() for part in (back, fitted))
+    assert error < without  # what never changes is not blurred by the image
+
+
+def test_a_fresh_network_says_the_mean_of_its_targets() -> None:
+    arrays = {**ARRAYS, **change_arrays(ARRAYS, posed_meshes(MOVING), TRUTH)}
+    images = frames_as_images(arrays, IMAGE, POSES)
+    run = run_of(1)
+    run = replace(run, model=replace(run.model, fold=2, changes=True))
+    state = initial_state(run, images)
+    fresh = network_arrays({"params": state.params, "batch_stats": state.means})
+    whole: dict[str, Any] = {**arrays, "low": images.low, "high": images.high, **fresh}
+    mesh = next(iter(posed_meshes(MOVING)))
+    found = predict_deep_prt(run.model, whole, jnp.asarray(mesh.vertices), jnp.asarray(mesh.normals))  # type: ignore[arg-type]
+    share = images.targets.mean(axis=(0, 1, 2), dtype=np.float64)
+    offset = images.low + (images.high - images.low) * share
+    np.testing.assert_allclose(found, arrays[MEAN] + offset, atol=1e-4)
 
 
 def test_it_learns(images: Images, tmp_path: Path) -> None:

@@ -92,7 +92,8 @@ def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
     mesh, (reader, _) = poses.animation.mesh, fit_reader(poses.animation)
     points, neighbour = mesh.vertices.astype(np.float64), carried_normals(mesh, mesh.faces).neighbour
     patch, middles = divide_surface(points, config.patches)
-    candidates = find_candidates(poses.animation, middles, 2 * NormalisedMesh(mesh).half_diagonal)
+    unit = max(2 * NormalisedMesh(mesh).half_diagonal, 1e-30)
+    candidates = find_candidates(poses.animation, middles, unit)
     local = local_coefficients(poses, neighbour)
     (count, size), rank, known = local.shape[1:], ENDS[-1], min(POSES, len(local))
     mean, basis = np.zeros((count, size), np.float32), np.zeros((count, size, rank), np.float16)
@@ -109,7 +110,8 @@ def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
         readings.append(reading.arrays)
     stacked = {name: np.stack([reading[name] for reading in readings]) for name in readings[0]}
     seen = {**stacked, "anchors": candidates.anchors, "axes": candidates.axes}
-    return Fitted(Patches(patch, mean, basis, weights, energy), seen, {"neighbour": neighbour, **reader_arrays(reader)})
+    arrays = {"neighbour": neighbour, "unit": np.array([unit]), **reader_arrays(reader)}
+    return Fitted(Patches(patch, mean, basis, weights, energy), seen, arrays)
 
 
 def cut_to_size(fitted: Fitted, mesh: Mesh, megabytes: float) -> dict[str, Any]:

@@ -4,12 +4,12 @@
 axes, the vectors d_j = sum_n r_nj (p_n - c) go with the patch; x is along d_1, y along what of d_2 is across it, z
 along x cross y. Seen in these axes from c nothing changes when the body moves as a whole.
 
-*Groups.* A patch reads `POINTS` points, and makes of their places, less the means over the training, `WAYS` numbers, in
-`GROUPS` groups. Either the points are those nearest to the patch, the numbers are the directions in which they vary
-most, nearer ones counting more, and poses are alike if all of them agree; or a group is a part of the body, told by the
-three directions in which its points vary most, and what each part does to the patch is added up. The first suits a
-face, whose lips and eyelids change in many ways, the second limbs, of which each throws a shadow of its own.
-`surroundings_fit` takes for each patch that which errs less on poses left out.
+*Groups.* A patch reads `POINTS` points, and makes of their places, in diagonals of the rest and less the means over
+the training, `WAYS` numbers, in `GROUPS` groups. Either the points are those nearest to the patch, the numbers are the
+directions in which they vary most, nearer ones counting more, and poses are alike if all of them agree; or a group is a
+part of the body, told by the three directions in which its points vary most, and what each part does to the patch is
+added up. The first suits a face, whose lips and eyelids change in many ways, the second limbs, of which each throws a
+shadow of its own. `surroundings_fit` takes for each patch that which errs less on poses left out.
 
 With f the numbers that a kernel compares and f' those of a training pose, it is Matern's of order 3/2, (1 + s) exp(-s)
 with s = sqrt(3) |f - f'| / REACH (Rasmussen & Williams 2006, 4.17).
@@ -25,10 +25,12 @@ from gash_jax.algebra.numerics import safe_normalize
 
 GROUPS, WAYS, POINTS = 8, 24, 32
 REACH = 2.0
+FAR = 1e6  # no coordinate, in diagonals of the rest, and no number counts beyond it: sums of squares are finite
 
 SURROUNDINGS: dict[str, tuple[int | str, ...]] = {
     "anchors": ("q", "a"),
     "axes": ("q", "a", 2),
+    "unit": (1,),
     "points": ("q", POINTS),
     "still": ("q", POINTS, 3),
     "into": ("q", 3 * POINTS, WAYS),
@@ -69,8 +71,9 @@ def seen_points(
 def pose_kernel(arrays: Mapping[str, Any], positions: Float[Array, "v 3"]) -> Float[Array, "q m"]:
     """The kernel of a pose and of the poses that each patch knows."""
     anchors, points = (arrays[name].astype(jnp.int32) for name in ("anchors", "points"))
-    apart = seen_points(positions, anchors, arrays["axes"], points) - arrays["still"]
-    told = jnp.einsum("qc,qcw->qw", apart.reshape(len(apart), -1), arrays["into"])
+    apart = seen_points(positions, anchors, arrays["axes"], points) / arrays["unit"][None, None] - arrays["still"]
+    told = jnp.einsum("qc,qcw->qw", jnp.clip(apart, -FAR, FAR).reshape(len(apart), -1), arrays["into"])
+    told = jnp.clip(told, -FAR, FAR)
     squares = (arrays["known"] - told[:, :, None]) ** 2  # (q, w, m)
     squares = jnp.sum(squares.reshape(len(told), GROUPS, -1, squares.shape[-1]), axis=2)
     whole = arrays["amounts"][:, :1] * matern(jnp.sum(squares, axis=1))

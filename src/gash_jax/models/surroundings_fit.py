@@ -32,8 +32,7 @@ class Candidates(NamedTuple):
     parts: Int[np.ndarray, "c n"]
     near: Int[np.ndarray, "q n"]
     weights: Float[np.ndarray, "q n"]  # of the nearest
-    seen: Float[np.ndarray, "t q p 3"]  # points of all parts, and the nearest
-    unit: float
+    seen: Float[np.ndarray, "t q p 3"]  # points of all parts, and the nearest, in diagonals of the rest
 
 
 def divide_surface(
@@ -78,9 +77,9 @@ def find_candidates(animation: Animation, middles: Float[np.ndarray, "q 3"], uni
     )
     chosen = np.concatenate([np.broadcast_to(parts.ravel(), (len(middles), parts.size)), used[order]], axis=1)
     read = jax.jit(lambda frame: seen_points(frame, anchors, axes.astype(np.float32), chosen))
-    seen = np.stack([np.asarray(read(frame.astype(np.float32))) for frame in animation.frames()])
+    seen = np.stack([np.asarray(read(frame.astype(np.float32))) for frame in animation.frames()]) / np.float32(unit)
     weights = ((apart / unit) ** 2 + NEAR**2) ** (-POWER / 4)
-    return Candidates(anchors, axes, parts, used[order], weights, seen, unit)
+    return Candidates(anchors, axes, parts, used[order], weights, seen)
 
 
 def _nearest(
@@ -151,7 +150,7 @@ def _near(candidates: Candidates, patch: int) -> Told:
     """The nearest points, as one group."""
     places = candidates.seen[:, patch, None, candidates.parts.size :].astype(np.float64)
     weights = candidates.weights[patch, None] / np.linalg.norm(candidates.weights[patch])
-    found = _told(candidates.near[patch, None], places, weights, WAYS, STILL * candidates.unit)
+    found = _told(candidates.near[patch, None], places, weights, WAYS, STILL)
     return found._replace(into=found.into / WIDER, numbers=found.numbers / WIDER)
 
 
@@ -161,12 +160,11 @@ def _added(
     """The parts that change a patch most, how much each does, and the noise, both relative to their sum."""
     count, own = candidates.parts.shape
     places = candidates.seen[:, patch, : count * own].reshape(-1, count, own, 3).astype(np.float64)
-    least = STILL * candidates.unit * float(np.sqrt(own))
-    found = _told(candidates.parts, places, np.ones((count, own)), WAYS // GROUPS, least)
+    found = _told(candidates.parts, places, np.ones((count, own)), WAYS // GROUPS, STILL * float(np.sqrt(own)))
     some = np.unique(np.linspace(0, len(gram) - 1, min(len(gram), TIMES)).astype(int))
-    components = variance_components(
-        _kernels(found.numbers[some]), gram[np.ix_(some, some)], outputs, min(GROUPS, count)
-    )
+    moves = np.sqrt((found.numbers**2).sum(axis=2).mean(axis=0)) > 0.1  # a part at rest would be a mere constant
+    kernels = _kernels(found.numbers[some]) * moves[:, None, None]
+    components = variance_components(kernels, gram[np.ix_(some, some)], outputs, min(GROUPS, count))
     best = np.resize(np.argsort(-components.amounts)[:GROUPS], GROUPS)  # a small body has fewer parts
     amounts = np.where(np.arange(GROUPS) < count, components.amounts[best], 0)
     whole = max(float(amounts.sum()), 1e-30)

@@ -36,7 +36,7 @@ def variance_components(
         seen = inverse @ gram @ inverse / outputs
         up, down = (held.reshape(len(held), -1) @ matrix.ravel() for matrix in (seen, inverse))
         amounts = amounts * np.sqrt(np.maximum(up, 0) / np.maximum(down, 1e-300))
-        noise = max(noise * float(np.sqrt(np.trace(seen) / np.trace(inverse))), 1e-9 * unit)
+        noise = max(noise * float(np.sqrt(max(np.trace(seen), 0) / np.trace(inverse))), 1e-9 * unit)
         if step == STEPS // 2 and len(held) > most:
             best = np.sort(np.argsort(-amounts * np.einsum("gtt->g", held))[:most])
             kept, held, amounts = kept[best], held[best], amounts[best]

@@ -43,7 +43,7 @@ def target_frames(truth: Truth, light: Float[np.ndarray, "k 3"] | None) -> Itera
     """Frame by frame: coefficients in float16, or under a light radiance in float32, of a glossy bake."""
     for shard in truth.shards("coefficients" if light is None else "visibility"):
         for frame in shard:
-            yield frame if light is None else _flat_radiance(frame, light)
+            yield frame if light is None else flat_radiance(frame, light)
 
 
 def target_shards(truth: Truth, light: Float[np.ndarray, "k 3"] | None) -> list[Float[np.ndarray, "t v c"]]:
@@ -51,11 +51,11 @@ def target_shards(truth: Truth, light: Float[np.ndarray, "k 3"] | None) -> list[
     if light is None:
         return truth.shards()
     return [
-        np.stack([_flat_radiance(frame, light).astype(np.float16) for frame in shard])
+        np.stack([flat_radiance(frame, light).astype(np.float16) for frame in shard])
         for shard in truth.shards("visibility")
     ]
 
 
-def _flat_radiance(visibility: Float[np.ndarray, "v j"], light: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "v c"]:
+def flat_radiance(visibility: Float[np.ndarray, "v j"], light: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "v c"]:
     found = _radiance(jnp.asarray(visibility, jnp.float32), jnp.asarray(light))
     return np.asarray(found).reshape(len(visibility), -1)
