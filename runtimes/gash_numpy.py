@@ -802,25 +802,62 @@ def load_deforming(path: str) -> Model:
 def predict_pose(model: Model, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Coefficients (v, B*B) of a pose: positions of all vertices, and their normals."""
     a = model.arrays
-    apart = positions[a["pose/sample"].astype(int)] - a["pose/still"]
-    pose = np.clip(apart.reshape(-1) @ a["pose/matrix"], a["pose/low"], a["pose/high"])
     if model.config["name"] == "momo-prt":
+        apart = positions[a["pose/sample"].astype(int)] - a["pose/still"]
+        pose = np.clip(apart.reshape(-1) @ a["pose/matrix"], a["pose/low"], a["pose/high"])
         return a["mean"] + np.tensordot((pose - a["middle"]) @ a["weights"], a["basis"], axes=1)
-    square = (((pose - a["poses"]) @ a["relevance"]) ** 2).sum(axis=2)
-    far = np.sqrt(3 * np.maximum(square, 1e-12)) / 4
-    kernel, rows, level = (1 + far) * np.exp(-far), a["mean"].astype(np.float32), 0
-    while f"basis/{level}" in a:
-        basis, weights = a[f"basis/{level}"], a[f"weights/{level}"]
-        scores = np.einsum("qt,qtr->qr", kernel[: len(weights)], weights)[a["patch"][: len(basis)].astype(int)]
-        rows[: len(basis)] += np.einsum("vkr,vr->vk", basis, scores)
+    kernel, rows, level = pose_kernel(a, positions), a["mean"].astype(np.float32), 0
+    while f"directions/{level}" in a:
+        directions, weights = a[f"directions/{level}"], a[f"weights/{level}"]
+        scores = np.einsum("qm,qmr->qr", kernel[: len(weights)], weights)[a["patch"][: len(directions)].astype(int)]
+        rows[: len(directions)] += np.einsum("vkr,vr->vk", directions, scores)
         level += 1
     local = rows[a["row"].astype(int)]
     edge = positions[a["neighbour"].astype(int)] - positions
-    across = edge - (edge * normals).sum(axis=1, keepdims=True) * normals
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    tangent = across / np.where(length > 0, length, 1)
+    tangent = unit_vectors(edge - (edge * normals).sum(axis=1, keepdims=True) * normals)
     turned = rotate_sh(local, np.stack([tangent, np.cross(normals, tangent), normals], axis=-1))
-    return finished(np.where(length > 0, turned, closed_form(normals, model.config["bands"])), normals)
+    whole = np.any(tangent != 0, axis=1)[:, None]
+    return finished(np.where(whole, turned, closed_form(normals, model.config["bands"])), normals)
+
+
+def unit_vectors(x: np.ndarray) -> np.ndarray:
+    """Vectors of length 1 along the last axis; 0 where all components are 0 or subnormal."""
+    largest = np.abs(x).max(axis=-1, keepdims=True)
+    none = largest < np.finfo(np.float32).tiny
+    scaled = x / np.where(none, 1, largest)  # so that no square underflows
+    return np.where(none, 0, scaled / np.where(none, 1, np.linalg.norm(scaled, axis=-1, keepdims=True)))
+
+
+def patch_axes(a: dict[str, np.ndarray], positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (q, 3) of the anchors of the patches and axes (q, 3, 3), one a row."""
+    placed = positions[a["anchors"].astype(int)]
+    middle = placed.mean(axis=1)
+    vectors = np.einsum("qaj,qai->qji", a["axes"], placed - middle[:, None])
+    x = unit_vectors(vectors[:, 0])
+    y = unit_vectors(vectors[:, 1] - (vectors[:, 1] * x).sum(axis=1, keepdims=True) * x)
+    return middle, np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def told_numbers(a: dict[str, np.ndarray], positions: np.ndarray) -> np.ndarray:
+    """The numbers (q, w) that each patch reads of a pose."""
+    middle, axes = patch_axes(a, positions)
+    seen = np.einsum("qij,qnj->qni", axes, positions[a["points"].astype(int)] - middle[:, None])
+    return np.einsum("qc,qcw->qw", (seen - a["still"]).reshape(len(seen), -1), a["into"])
+
+
+def pose_kernel(a: dict[str, np.ndarray], positions: np.ndarray) -> np.ndarray:
+    """How alike a pose is to each of those that a patch knows, (q, m)."""
+    squares = (a["known"] - told_numbers(a, positions)[:, :, None]) ** 2
+    count, groups = a["amounts"].shape
+    squares = squares.reshape(count, groups, -1, squares.shape[2]).sum(axis=2)
+    whole = a["amounts"][:, :1] * matern(squares.sum(axis=1))
+    return np.where(a["together"][:, None] > 0, whole, (a["amounts"][:, :, None] * matern(squares)).sum(axis=1))
+
+
+def matern(squares: np.ndarray) -> np.ndarray:
+    """The kernel of squared distances."""
+    far = np.sqrt(3 * squares) / 2
+    return (1 + far) * np.exp(-far)
 
 
 def finished(coefficients: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -159,20 +159,37 @@ def models(shapes: dict[str, dict[str, tuple[int, ...]]]) -> Rows:
     return rows
 
 
+def deforming_models() -> dict[str, gash.Model]:
+    """Both kinds that belong to one object, here the valley; the first patch compares all it reads, the second adds."""
+    pose = {"pose/sample": np.array([3, 1]), "pose/still": np.zeros((2, 3)), "pose/matrix": sine_weights(6, 2)}
+    pose |= {"pose/low": np.full(2, -1.0), "pose/high": np.full(2, 0.5), "mean": sine_weights(4, 4)}
+    linear = {"middle": sine_weights(2), "weights": sine_weights(2, 3), "basis": sine_weights(3, 4, 4)}
+    patches = {"patch": np.array([0, 0, 1, 1]), "row": np.array([2, 0, 3, 1]), "neighbour": np.array([1, 0, 1, 0])}
+    patches |= {"anchors": np.array([[0, 1, 2], [3, 1, 0]]), "points": np.array([[3, 0], [2, 1]])}
+    patches |= {"axes": sine_weights(2, 3, 2), "still": sine_weights(2, 2, 3), "into": sine_weights(2, 6, 16)}
+    patches |= {"together": np.array([1, 0]), "amounts": sine_weights(2, 8), "known": sine_weights(2, 16, 5)}
+    for level, (numbered, rows, width) in enumerate(((2, 4, 1), (1, 2, 1), (1, 2, 2))):
+        patches[f"directions/{level}"] = np.rint(100 * sine_weights(rows, 4, width))
+        patches[f"weights/{level}"] = sine_weights(numbered, 5, width)
+    kinds = {"momo-prt": linear, "deform": patches}
+    return {
+        name: gash.Model({"name": name, "bands": 2}, {key: array.astype(np.float32) for key, array in both.items()})
+        for name, both in ((name, {**pose, **arrays}) for name, arrays in kinds.items())
+    }
+
+
 def deforming() -> Rows:
     """One pose of the four vertices by both kinds."""
-    pose = {"pose/sample": np.array([3, 1], np.float32), "pose/still": np.zeros((2, 3), np.float32)}
-    pose |= {"pose/matrix": sine_weights(6, 2), "pose/low": np.full(2, -1.0), "pose/high": np.full(2, 0.5)}
-    both = {"mean": sine_weights(4, 4)}
-    linear = {"middle": sine_weights(2), "weights": sine_weights(2, 3), "basis": sine_weights(3, 4, 4)}
-    patches = {"relevance": sine_weights(2, 2, 3), "poses": sine_weights(5, 2), "neighbour": np.array([1, 0, 1, 0])}
-    patches |= {"patch": np.array([0, 0, 1, 1]), "row": np.array([2, 0, 3, 1])}
-    patches |= {"weights/0": sine_weights(2, 5, 1), "basis/0": sine_weights(4, 4, 1)}
-    patches |= {"weights/1": sine_weights(1, 5, 1), "basis/1": sine_weights(2, 4, 1)}
-    patches |= {"weights/2": sine_weights(1, 5, 2), "basis/2": sine_weights(2, 4, 2)}
-    kinds = {"momo-prt": linear, "deform": patches}
-    found = {n: gash.Model({"name": n, "bands": 2}, {**pose, **both, **arrays}) for n, arrays in kinds.items()}
-    return [[f"`{n}`", _numbers(gash.predict_pose(m, VERTICES, NORMALS)[VERTEX])] for n, m in found.items()]
+    found = deforming_models()
+    arrays = found["deform"].arrays
+    middle, axes = gash.patch_axes(arrays, VERTICES)
+    said = {name: gash.predict_pose(model, VERTICES, NORMALS) for name, model in found.items()}
+    rows: Rows = [["`momo-prt`", _numbers(said["momo-prt"][VERTEX])], ["c of patch 1", _numbers(middle[1])]]
+    rows += [[f"axis {name} of patch 1", _numbers(axis)] for name, axis in zip("xyz", axes[1], strict=True)]
+    rows += [["f of patch 1", _numbers(gash.told_numbers(arrays, VERTICES)[1])]]
+    rows += [[f"K of patch {i}", _numbers(row)] for i, row in enumerate(gash.pose_kernel(arrays, VERTICES))]
+    rows += [["`deform`, vertex 1, in patch 0", _numbers(said["deform"][1])]]
+    return [*rows, ["`deform`, vertex 2, in patch 1", _numbers(said["deform"][VERTEX])]]
 
 
 def network_shapes() -> dict[str, dict[str, tuple[int, ...]]]:

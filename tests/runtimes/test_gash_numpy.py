@@ -10,12 +10,9 @@ import jax
 import numpy as np
 import pytest
 
-from gash_jax.files.settings import from_dict
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
-from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.deforming_model import load_deforming_model, save_deforming_model
 from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph, traced_visibility
 from gash_jax.models.model import Model, load_model, shipped_models
 from gash_jax.prt.transfer import load_transfer
@@ -150,24 +147,6 @@ def test_the_command_line_writes_a_transfer_file(net: str, tmp_path: Path) -> No
     assert {name: found.metadata[name] for name in same} == {name: truth.metadata[name] for name in same}
     assert found.metadata["seconds"]["total"] > 0 and "numpy" in found.metadata["software"]
     assert [path.name for path in tmp_path.glob("out*")] == ["out.npz"]
-
-
-def test_the_transfer_of_a_model_of_one_object(tmp_path: Path) -> None:
-    mesh, name = MESHES["odd"], "momo-prt"
-    rng, count = np.random.default_rng(0), len(mesh.vertices)
-    arrays = {"pose/sample": np.arange(2), "pose/still": np.zeros((2, 3)), "pose/matrix": rng.normal(size=(6, 3))}
-    arrays |= {"pose/low": -np.ones(3), "pose/high": np.ones(3), "middle": np.zeros(3)}
-    arrays |= {"mean": np.ones((count, 4)), "weights": rng.normal(size=(3, 2)), "basis": rng.normal(size=(2, count, 4))}
-    config = from_dict(DEFORMING[name].config, {"name": name, "bands": 2})
-    save_deforming_model(tmp_path / "m.npz", config, arrays, mesh, name="toy")
-    np.savez(tmp_path / "mesh.npz", **mesh._asdict())
-    assert gash_numpy.main([str(tmp_path / file) for file in ("m.npz", "mesh.npz", "out.npz")]) == 0
-    found, model = load_transfer(tmp_path / "out.npz"), load_deforming_model(tmp_path / "m.npz")
-    _assert_equal(found.coefficients, np.asarray(model.coefficients(mesh)))
-    assert found.bands == 2 and found.metadata["parameters"]["weights"] == "toy"
-    other = MESHES["generated"]
-    with pytest.raises(ValueError, match="the model is of one object with"):
-        gash_numpy.predict_transfer(gash_numpy.load_deforming(str(tmp_path / "m.npz")), *other)
 
 
 BROKEN = {

@@ -4,20 +4,25 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from flax.traverse_util import unflatten_dict
 
 from docs.model_tables import STAGES
 from gash_jax.algebra.closed_forms import unshadowed_transfer
+from gash_jax.files.settings import from_dict
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
+from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.families import config_from_dict
 from gash_jax.models.model import Model
+from gash_jax.models.patch_levels import LEVELS
 from gash_jax.prt.hemisphere import hemisphere_directions
 from runtimes import worked_example as example
 
 WRITTEN = json.loads((Path(__file__).parents[2] / "docs" / "results" / "model_example.json").read_text())["stages"]
+DEFORMING_EXAMPLES = example.deforming_models()
 MESH = Mesh(example.VERTICES, example.NORMALS, example.FACES)
 
 
@@ -64,6 +69,22 @@ def test_stages_of_the_package() -> None:
         for i in range(3):
             np.testing.assert_allclose(told[i], _row("directions", f"`{label}`, direction {i} of 3"), atol=1e-5)
     np.testing.assert_array_equal(np.asarray(graph.senders).reshape(4, 2)[2], _row("graphs", "row 2"))
+
+
+@pytest.mark.parametrize("name", DEFORMING_EXAMPLES)
+def test_the_package_says_the_same_of_a_pose(name: str) -> None:
+    model, arguments = DEFORMING_EXAMPLES[name], (jnp.asarray(example.VERTICES), jnp.asarray(example.NORMALS))
+    config = from_dict(DEFORMING[name].config, model.config)
+    arrays = {key: jnp.asarray(array) for key, array in model.arrays.items()}
+    if name == "deform":
+        for level in range(3, len(LEVELS)):  # which no patch of the example has
+            arrays |= {f"directions/{level}": jnp.zeros((0, 4, 1)), f"weights/{level}": jnp.zeros((0, 5, 1))}
+    found = np.asarray(DEFORMING[name].predict(config, arrays, *arguments))
+    for label, numbers in WRITTEN["deforming"]:
+        if label.startswith(f"`{name}`"):
+            np.testing.assert_allclose(
+                found[1 if "vertex 1" in label else example.VERTEX], numbers, rtol=1e-4, atol=1e-5
+            )
 
 
 def test_sine_weights_are_those_of_the_document() -> None:

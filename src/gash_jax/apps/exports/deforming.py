@@ -14,8 +14,8 @@ from gash_jax.apps.exports.directions import (
     zero_without_normal,
 )
 from gash_jax.apps.exports.graph import Graph, Value
-from gash_jax.models.deform import REACH
 from gash_jax.models.patch_levels import LEVELS
+from gash_jax.models.surroundings import REACH
 
 
 def write_momo(g: Graph, config: Any) -> Value:
@@ -29,10 +29,7 @@ def write_deform(g: Graph, config: Any) -> Value:
     """Patch by patch, in frames that follow the skin."""
     count, size = g.weights["mean"].shape
     normals = g.input("normal", (count, 3), "unit normal of each vertex in the pose, 0 where it has none")
-    apart = (_pose(g) - g.weight("poses")).unsqueeze(0) @ g.weight("relevance")  # (q, t, w)
-    far = ((apart * apart).sum(2).maximum(1e-12) * 3.0).apply("Sqrt") / REACH
-    kernel = (1.0 + far) * (-far).apply("Exp")
-    local = _levels(g, kernel)
+    local = _levels(g, _kernel(g))
     axes = _frames(g, components(_own_position(g)), components(normals))
     frames = g.stack([g.stack(axis) for axis in axes])
     turned = rotate_coefficients(g, local, frames, config.bands)
@@ -41,16 +38,48 @@ def write_deform(g: Graph, config: Any) -> Value:
     return zero_without_normal(g, found, normals)
 
 
+def _kernel(g: Graph) -> Value:
+    """The kernel of the pose and of the poses that each patch knows, (q, m)."""
+    (patches, ways, known), groups = g.weights["known"].shape, g.weights["amounts"].shape[1]
+    apart = (_seen_points(g) - g.weight("still")).reshape(patches, 1, -1)
+    told = (apart @ g.weight("into")).reshape(patches, ways, 1)
+    missing = g.weight("known") - told
+    squares = (missing * missing).reshape(patches, groups, -1, known).sum(2)
+    amounts = g.weight("amounts")
+    whole = amounts.take(np.array([0]), 1) * _matern(squares.sum(1))
+    added = (amounts.unsqueeze(2) * _matern(squares)).sum(1)
+    return g.where(g.weight("together").unsqueeze(1) > 0.0, whole, added)
+
+
+def _matern(squares: Value) -> Value:
+    """As `surroundings.matern`."""
+    far = (squares.maximum(1e-12) * 3.0).apply("Sqrt") / REACH
+    return (1.0 + far) * (-far).apply("Exp")
+
+
+def _seen_points(g: Graph) -> Value:
+    """Points in the axes of their patches, (q, n, 3)."""
+    placed = _own_position(g).take(indices(g, "anchors"))
+    middle = placed.mean(1, keep=True)
+    vectors = g.weight("axes").transpose(0, 2, 1) @ (placed - middle)  # (q, 2, 3)
+    long, second = (components(vectors.take(number, 1)) for number in range(2))
+    x = unit_vectors(g, long)
+    along = dot(second, x)
+    y = unit_vectors(g, [s - along * f for s, f in zip(second, x, strict=True)])
+    columns = g.stack([g.stack(axis) for axis in (x, y, cross(x, y))])
+    return (_own_position(g).take(indices(g, "points")) - middle) @ columns
+
+
 def _levels(g: Graph, kernel: Value) -> Value:
     """What the patches say, level by level, each of the first patches and rows."""
     rows, (vertices, k) = g.weight("mean"), g.weights["mean"].shape
     for level in range(len(LEVELS)):
-        (patches, _, width), count = g.weights[f"weights/{level}"].shape, len(g.weights[f"basis/{level}"])
+        (patches, _, width), count = g.weights[f"weights/{level}"].shape, len(g.weights[f"directions/{level}"])
         if count:
             first = kernel.take(g.constant(np.arange(patches))).unsqueeze(1)
             scores = (first @ g.weight(f"weights/{level}")).reshape(-1, width)
             own = scores.take(g.constant(g.weights["patch"][:count].astype(np.int64))).unsqueeze(2)
-            more = (g.weight(f"basis/{level}") @ own).reshape(count, k)
+            more = (g.weight(f"directions/{level}") @ own).reshape(count, k)
             rows = rows + g.add("Pad", more, np.array([0, 0, vertices - count, 0]))
     return rows.take(indices(g, "row"))
 
