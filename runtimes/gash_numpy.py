@@ -842,7 +842,8 @@ def told_numbers(a: dict[str, np.ndarray], positions: np.ndarray) -> np.ndarray:
     """The numbers (q, w) that each patch reads of a pose."""
     middle, axes = patch_axes(a, positions)
     seen = np.einsum("qij,qnj->qni", axes, positions[a["points"].astype(int)] - middle[:, None])
-    return np.einsum("qc,qcw->qw", (seen - a["still"]).reshape(len(seen), -1), a["into"])
+    apart = np.clip(seen / a["unit"] - a["still"], -1e6, 1e6)
+    return np.clip(np.einsum("qc,qcw->qw", apart.reshape(len(seen), -1), a["into"]), -1e6, 1e6)
 
 
 def pose_kernel(a: dict[str, np.ndarray], positions: np.ndarray) -> np.ndarray:

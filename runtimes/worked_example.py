@@ -167,7 +167,12 @@ def deforming_models() -> dict[str, gash.Model]:
     patches = {"patch": np.array([0, 0, 1, 1]), "row": np.array([2, 0, 3, 1]), "neighbour": np.array([1, 0, 1, 0])}
     patches |= {"anchors": np.array([[0, 1, 2], [3, 1, 0]]), "points": np.array([[3, 0], [2, 1]])}
     patches |= {"axes": sine_weights(2, 3, 2), "still": sine_weights(2, 2, 3), "into": sine_weights(2, 6, 16)}
-    patches |= {"together": np.array([1, 0]), "amounts": sine_weights(2, 8), "known": sine_weights(2, 16, 5)}
+    patches |= {
+        "unit": np.array([2.0]),
+        "together": np.array([1, 0]),
+        "amounts": sine_weights(2, 8),
+        "known": sine_weights(2, 16, 5),
+    }
     for level, (numbered, rows, width) in enumerate(((2, 4, 1), (1, 2, 1), (1, 2, 2))):
         patches[f"directions/{level}"] = np.rint(100 * sine_weights(rows, 4, width))
         patches[f"weights/{level}"] = sine_weights(numbered, 5, width)

@@ -1,7 +1,7 @@
 """Models of the radiance that arrives at a glossy object under a light, beside bakes of it: error, bytes, milliseconds.
 
-    gash train momo-prt data.animation=runs/deforming/cloth.npz data.poses=between data.light=studio -o runs/linear
-    gash train deep-prt-small data.animation=runs/deforming/cloth.npz data.poses=between data.light=studio -o runs/images
+    gash train momo-prt data.animation=cloth.npz data.poses=between data.light=studio -o runs/linear
+    gash train deep-prt-small data.animation=cloth.npz data.poses=between data.light=studio -o runs/images
     .venv/bin/python -m experiments.deforming.glossy --run momo-prt=runs/linear --run deep-prt-small=runs/images \
         --output docs/results/deforming_glossy.json
 
@@ -25,8 +25,8 @@ from gash_jax.measure.provenance import provenance
 from gash_jax.measure.timing import timed_on_both_clocks
 from gash_jax.models.deforming_model import DeformingModel, load_deforming_model
 from gash_jax.prt.sequence import bake_frame, posed_meshes
+from gash_jax.train.config import load_config
 from gash_jax.train.deforming_run import split_animation
-from gash_jax.train.run import best_so_far
 from gash_jax.train.target import flat_radiance, target_frames, target_shards
 from gash_jax.train.truth import bake_truth
 
@@ -62,7 +62,7 @@ def main(run: Sequence[str], output: Path | None) -> dict[str, Any]:
     if not run:
         raise ConfigError("give a trained run, --run NAME=FOLDER")
     named = [(text.partition("=")[0], Path(text.partition("=")[2])) for text in run]
-    config = config_of(named[0][1])
+    config = load_config(named[0][1] / "config.json")
     data, bands, models = config.data, config.model.bands, [load_deforming_model(folder) for _, folder in named]
     split, light = split_animation(data), models[0].light
     truth, test = (

@@ -29,6 +29,7 @@ def random_model(name: str, mesh: Mesh) -> DeformingModel:
     arrays |= {"pose/sample": rng.integers(0, count, 4), "pose/low": -np.ones(2), "pose/high": np.ones(2)}
     if name == "deform":
         arrays |= {"patch": np.arange(count) >= FIRST, "row": rng.permutation(count), "together": [1, 0]}
+        arrays["unit"] = np.array([1.5])
         for key in ("neighbour", "anchors", "points"):
             arrays[key] = rng.integers(0, count, arrays[key].shape)
         arrays |= {key: np.rint(300 * array) for key, array in arrays.items() if key.startswith("directions")}

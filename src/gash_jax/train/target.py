@@ -57,5 +57,6 @@ def target_shards(truth: Truth, light: Float[np.ndarray, "k 3"] | None) -> list[
 
 
 def flat_radiance(visibility: Float[np.ndarray, "v j"], light: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "v c"]:
+    """M L of what is baked of every vertex, flat; float32."""
     found = _radiance(jnp.asarray(visibility, jnp.float32), jnp.asarray(light))
     return np.asarray(found).reshape(len(visibility), -1)

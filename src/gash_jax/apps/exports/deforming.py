@@ -15,7 +15,7 @@ from gash_jax.apps.exports.directions import (
 )
 from gash_jax.apps.exports.graph import Graph, Value
 from gash_jax.models.patch_levels import LEVELS
-from gash_jax.models.surroundings import REACH
+from gash_jax.models.surroundings import FAR, REACH
 
 
 def write_momo(g: Graph, config: Any) -> Value:
@@ -41,8 +41,8 @@ def write_deform(g: Graph, config: Any) -> Value:
 def _kernel(g: Graph) -> Value:
     """The kernel of the pose and of the poses that each patch knows, (q, m)."""
     (patches, ways, known), groups = g.weights["known"].shape, g.weights["amounts"].shape[1]
-    apart = (_seen_points(g) - g.weight("still")).reshape(patches, 1, -1)
-    told = (apart @ g.weight("into")).reshape(patches, ways, 1)
+    apart = (_seen_points(g) / g.weight("unit") - g.weight("still")).clip(-FAR, FAR).reshape(patches, 1, -1)
+    told = (apart @ g.weight("into")).clip(-FAR, FAR).reshape(patches, ways, 1)
     missing = g.weight("known") - told
     squares = (missing * missing).reshape(patches, groups, -1, known).sum(2)
     amounts = g.weight("amounts")
