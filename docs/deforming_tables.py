@@ -46,6 +46,22 @@ def deforming_table(result: dict[str, Any]) -> str:
     return "\n".join([table_of, "", *told])
 
 
+def glossy_table(result: dict[str, Any]) -> str:
+    """Models of radiance, and bakes of it."""
+    columns = [
+        column for column in COLUMNS if column[1] in ("relrmse", "accuracy", "l1", "model_ms", "fit_cpu_seconds")
+    ]
+    columns.insert(3, ("MB", "megabytes", ".1f"))
+    rows = [{**row, **({"megabytes": row["bytes"] / 1e6} if "bytes" in row else {})} for row in result["rows"]]
+    lines = [[row["method"], *(_cell(row, key, form) for _, key, form in columns)] for row in rows]
+    asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
+    told = [f"The {result['animation']}, {asked['bands']} bands, light `{asked['light']}`."]
+    told += [f"{result['frames']} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;"]
+    told += [f"{result['test_frames']} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}."]
+    told += [f"Seed {result['seed']}; {origin(result)}."]
+    return "\n".join([table(["method", *(name for name, _, _ in columns)], lines), "", *told])
+
+
 def sizes_table(result: dict[str, Any]) -> str:
     """The U-Net by width, depth and the size of its images."""
     header = ["width", "depth", "images", "parameters", "MB", "steps", "relrmse", "accuracy", "L1", "skill"]

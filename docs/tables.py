@@ -24,7 +24,13 @@ from docs import (
     trial_tables,
 )
 from docs.baking_tables import origin
-from docs.deforming_tables import deforming_table, image_step_table, leaving_table, sizes_table
+from docs.deforming_tables import (
+    deforming_table,
+    glossy_table,
+    image_step_table,
+    leaving_table,
+    sizes_table,
+)
 from docs.model_tables import stage_tables
 
 ROOT = Path(__file__).parents[1]
@@ -135,6 +141,7 @@ TABLES = (
         for name in ("face", "cloth", "figure", "walk")
     ),
     Table("docs/deforming.md", "LEAVING", leaving_table, "leaving.json"),
+    Table("docs/deforming.md", "GLOSSY", glossy_table, "deforming_glossy.json"),
     Table("docs/deforming.md", "SIZES", sizes_table, "deforming_sizes.json"),
     Table("docs/deforming.md", "IMAGE STEP", image_step_table, "image_step.json"),
     Table("docs/hard_cases.md", "HARD CASES", hard_cases_table, "hard_cases.json"),

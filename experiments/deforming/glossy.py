@@ -72,7 +72,7 @@ def main(run: Sequence[str], output: Path | None) -> dict[str, Any]:
     references, meshes = list(target_frames(test, light)), list(posed_meshes(split.test.receivers))
     ranges = np.array(models[0].metadata["ranges"])
     shards = target_shards(truth, light)
-    mean = np.mean(np.concatenate(shards), axis=0, dtype=np.float64).astype(np.float32)
+    mean = np.asarray(np.mean(np.concatenate(shards), axis=0, dtype=np.float64), np.float32)
     rows = [{"method": "mean", **scored([mean] * len(meshes), references, meshes, ranges)}]
     for (name, folder), model in zip(named, models, strict=True):
         found = [np.asarray(model.outputs(mesh)) for mesh in meshes]
