@@ -9,7 +9,8 @@ the world by `algebra.sh_rotation`.
 on what it reads of a pose (`surroundings`): how what is near it, or the parts of the body that throw shadow on it, are
 placed as seen from it. So a pose that is moved as a whole has the same shadows, moved along.
 
-*Size.* Of each patch's predictions the leading directions are kept, more of them where more changes (`patch_levels`).
+*Size.* A patch knows the more training poses the larger the model may be. Of its predictions the leading directions are
+kept, more of them where more changes (`patch_levels`).
 """
 
 import math
@@ -31,11 +32,13 @@ from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.models.kernel_regression import fit_low_rank, products_of
 from gash_jax.models.patch_levels import ENDS, LEVEL_SHAPES, MEGABYTE, Patches, level_arrays, say_levels
 from gash_jax.models.pose_reader import fit_reader, reader_arrays
-from gash_jax.models.surroundings import SURROUNDINGS, pose_kernel
-from gash_jax.models.surroundings_fit import POSES, divide_surface, find_candidates, read_patch
+from gash_jax.models.surroundings import SURROUNDINGS, WAYS, pose_kernel
+from gash_jax.models.surroundings_fit import Reading, divide_surface, find_candidates, read_patch
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.sequence import posed_meshes
+
+POSES, FEWEST = 60, 32  # that patches know: so many a megabyte, and at the least
 
 
 @dataclass(frozen=True)
@@ -82,47 +85,56 @@ def local_coefficients(poses: TrainingPoses, neighbour: Int[np.ndarray, "v"]) ->
 class Fitted(NamedTuple):
     """Everything that was found, before a size is chosen."""
 
-    patches: Patches
-    readings: dict[str, np.ndarray]  # what the patches read, a row for each
+    patch: Int[np.ndarray, "v"]
+    readings: list[Reading]
+    local: Float[np.ndarray, "t v k"]  # what is to be said, float16
+    places: dict[str, np.ndarray]  # where the patches are
     arrays: dict[str, np.ndarray]  # of the vertices and the pose
+
+    def outputs(self, number: int) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "t o"]]:
+        """The vertices of a patch, and all that is to be said of them."""
+        own = np.flatnonzero(self.patch == number)
+        return own, self.local[:, own].astype(np.float32).reshape(len(self.local), -1)
 
 
 def fit_patches(config: DeformConfig, poses: TrainingPoses) -> Fitted:
-    """The regressions of all patches."""
+    """What all patches read, and what they are to say."""
     mesh, (reader, _) = poses.animation.mesh, fit_reader(poses.animation)
     points, neighbour = mesh.vertices.astype(np.float64), carried_normals(mesh, mesh.faces).neighbour
     patch, middles = divide_surface(points, config.patches)
     unit = max(2 * NormalisedMesh(mesh).half_diagonal, 1e-30)
     candidates = find_candidates(poses.animation, middles, unit)
-    local = local_coefficients(poses, neighbour)
-    (count, size), rank, known = local.shape[1:], ENDS[-1], min(POSES, len(local))
-    mean, basis = np.zeros((count, size), np.float32), np.zeros((count, size, rank), np.float16)
-    weights, energy = np.zeros((len(middles), known, rank), np.float32), np.zeros((len(middles), rank))
-    readings = []
-    for number in range(len(middles)):
-        own = np.flatnonzero(patch == number)
-        outputs = local[:, own].astype(np.float32).reshape(len(local), -1)
-        gram = products_of(outputs)
-        reading = read_patch(candidates, number, gram, max(outputs.shape[1], 1))
-        found = fit_low_rank(reading.machine, outputs, gram, rank)
-        mean[own], weights[number], energy[number] = found.mean.reshape(-1, size), found.dual, found.energy
-        basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
-        readings.append(reading.arrays)
-    stacked = {name: np.stack([reading[name] for reading in readings]) for name in readings[0]}
-    seen = {**stacked, "anchors": candidates.anchors, "axes": candidates.axes}
     arrays = {"neighbour": neighbour, "unit": np.array([unit]), **reader_arrays(reader)}
-    return Fitted(Patches(patch, mean, basis, weights, energy), seen, arrays)
+    places = {"anchors": candidates.anchors, "axes": candidates.axes}
+    fitted = Fitted(patch, [], local_coefficients(poses, neighbour), places, arrays)
+    for number in range(len(middles)):
+        outputs = fitted.outputs(number)[1]
+        fitted.readings.append(read_patch(candidates, number, products_of(outputs), max(outputs.shape[1], 1)))
+    return fitted
 
 
 def cut_to_size(fitted: Fitted, mesh: Mesh, megabytes: float) -> dict[str, Any]:
     """The arrays of a model whose file takes about so many megabytes, or what it takes at the least."""
-    patches, readings = fitted.patches, fitted.readings
-    halves = patches.mean.size + readings["known"].size + readings["into"].size
-    numbers = sum(array.size for array in (*fitted.arrays.values(), *readings.values(), *mesh)) - halves
-    numbers += patches.mean.size + 2 * len(patches.patch)
+    count, (times, vertices, size), rank = len(fitted.readings), fitted.local.shape, ENDS[-1]
+    poses = min(times, max(FEWEST, round(POSES * megabytes)))
+    mean, basis = np.zeros((vertices, size), np.float32), np.zeros((vertices, size, rank), np.float16)
+    weights, energy = np.zeros((count, poses, rank), np.float32), np.zeros((count, rank))
+    known = np.zeros((count, WAYS, poses))
+    for number, reading in enumerate(fitted.readings):
+        own, outputs = fitted.outputs(number)
+        known[number], machine = reading.knowing(poses)
+        found = fit_low_rank(machine, outputs, products_of(outputs), rank)
+        mean[own], weights[number], energy[number] = found.mean.reshape(-1, size), found.dual, found.energy
+        basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
+    read = {name: np.stack([reading.arrays[name] for reading in fitted.readings]) for name in fitted.readings[0].arrays}
+    read |= {**fitted.places, "known": known}
+    halves = mean.size + known.size + read["into"].size
+    numbers = sum(array.size for array in (*fitted.arrays.values(), *read.values(), *mesh)) - known.size
+    numbers += 2 * vertices - read["into"].size  # `patch` and `row`
+    patches = Patches(fitted.patch, mean, basis, weights, energy)
     tables = level_arrays(patches, MEGABYTE * megabytes - 2 * halves - 4 * numbers)
     order = tables.pop("order")
-    return {**fitted.arrays, **tables, **{name: array[order] for name, array in readings.items()}}
+    return {**fitted.arrays, **tables, **{name: array[order] for name, array in read.items()}}
 
 
 def fit_deform(config: DeformConfig, poses: TrainingPoses) -> dict[str, Any]:

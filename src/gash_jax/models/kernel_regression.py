@@ -7,10 +7,10 @@ W = M (Y - m) B^T of shape (t, rank) a prediction is m + k(pose) W B. The ridge 
 one pose out, [M (Y - m)]_i / M_ii (Rasmussen & Williams 2006, 5.12), which needs no further fit. All but two products
 are of (t, t) arrays, so what a fit costs is reading Y twice.
 
-A regression may know fewer poses than it is fitted to (`kernel_machine`): with C the columns of K of s poses, M is
-(C^T C + ridge K_ss)^-1 C^T, of shape (s, t), a prediction is m + k_s(pose) M (Y - m), and all poses still speak (subset
-of regressors, 8.14 there). They are chosen by pivoted Cholesky factorisation: each next is the one that those before
-tell least of.
+A regression may know fewer poses than it is fitted to (`known_machine`): with C the kernel of all poses and of s known
+ones, M is (C^T C + ridge K_ss)^-1 C^T, of shape (s, t), a prediction is m + k_s(pose) M (Y - m), and all poses still
+speak (subset of regressors, 8.14 there). They are chosen by pivoted Cholesky factorisation: each next is the one that
+those before tell least of.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,8 @@ WEAKEST = 1e-9  # of the energy of the strongest direction that counts
 
 
 class Machine(NamedTuple):
-    """A regression before its outputs are known: the poses that it knows, the columns C of the kernel, and M."""
+    """A regression before its outputs are known: C and M."""
 
-    chosen: Int[np.ndarray, "s"]
     columns: Float[np.ndarray, "t s"]
     inverse: Float[np.ndarray, "s t"]
 
@@ -68,16 +67,12 @@ def spread_poses(kernel: Float[np.ndarray, "t t"], most: int) -> Int[np.ndarray,
     return np.array(chosen)
 
 
-def kernel_machine(kernel: Float[np.ndarray, "t t"], ridge: float, most: int) -> Machine:
-    """The regression of a kernel with a ridge that knows at most so many poses."""
-    chosen = spread_poses(kernel, most)
-    columns = kernel[:, chosen]
-    own, size = columns[chosen], float(np.trace(columns[chosen])) or 1.0
-    own = own + 1e-10 * size * np.eye(len(chosen))  # poses may be all but the same
-    if len(chosen) == len(kernel):
-        return Machine(chosen, columns, np.linalg.inv(own + ridge * np.eye(len(kernel))))
-    products = columns.T @ columns + ridge * own + 1e-10 * size**2 * np.eye(len(chosen))
-    return Machine(chosen, columns, np.linalg.solve(products, columns.T))
+def known_machine(columns: Float[np.ndarray, "t s"], own: Float[np.ndarray, "s s"], ridge: float) -> Machine:
+    """The regression that knows s poses, of which `columns` is the kernel with all and `own` that with each other."""
+    steady = 1e-10 * (float(np.trace(own)) or 1.0) * np.eye(len(own))  # poses may be all but the same
+    factor = np.sqrt(max(ridge, 1e-8)) * np.linalg.cholesky(own + steady).T
+    turned, triangle = np.linalg.qr(np.concatenate([columns, factor]))  # C^T C would lose half of the digits
+    return Machine(columns, np.linalg.solve(triangle, turned[: len(columns)].T))
 
 
 def ridge_machine(kernel: Float[np.ndarray, "t t"], gram: Float[np.ndarray, "t t"], ridge: float = 0.0) -> Machine:
@@ -87,7 +82,7 @@ def ridge_machine(kernel: Float[np.ndarray, "t t"], gram: Float[np.ndarray, "t t
     kernel, unit = kernel.astype(np.float64), max(float(np.trace(kernel)) / len(kernel), 1e-30)
     if not ridge:
         ridge = RIDGES[int(np.argmin(leave_one_out(kernel, gram, [unit * each for each in RIDGES])))]
-    return kernel_machine(kernel, ridge * unit, len(kernel))
+    return Machine(kernel, np.linalg.inv(kernel + (ridge * unit + 1e-10 * unit) * np.eye(len(kernel))))
 
 
 def products_of(outputs: Float[np.ndarray, "t n"]) -> Float[np.ndarray, "t t"]:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from gash_jax.geometry.animation import Animation
 from gash_jax.geometry.mesh import referenced
-from gash_jax.models.kernel_regression import RIDGES, Machine, kernel_machine, leave_one_out
+from gash_jax.models.kernel_regression import RIDGES, Machine, known_machine, leave_one_out, spread_poses
 from gash_jax.models.pose_reader import spread_in_faces, spread_vertices
 from gash_jax.models.surroundings import GROUPS, POINTS, WAYS, matern, seen_points
 from gash_jax.models.variance_components import variance_components
@@ -19,7 +19,6 @@ NEAREST = 800  # vertices spread over the rest, of which a patch reads the neare
 NEAR, POWER = 0.03, 6.0  # weights of these fall off as 1 / (d² + NEAR²)^(POWER/2), d in diagonals of the rest
 WIDER = 2.0  # than that of a part is the reach of a kernel of all that is near
 STILL = 1e-4  # of the diagonal: what moves less counts as if it moved so far
-POSES = 256  # that a patch knows; those are chosen by its kernel, and all others speak through them
 TIMES = 600  # poses that the amounts of parts are estimated from, at most
 OWN = POINTS // GROUPS  # points of a part
 
@@ -96,16 +95,39 @@ class Told(NamedTuple):
     """Groups of points, and the numbers that they tell of every pose."""
 
     points: Int[np.ndarray, "g n"]
-    still: Float[np.ndarray, "g n 3"]
+    places: Float[np.ndarray, "t g n 3"]
     into: Float[np.ndarray, "g d w"]  # d = 3 n
     numbers: Float[np.ndarray, "t g w"]
 
 
 class Reading(NamedTuple):
-    """What one patch reads, entries of the arrays of `surroundings`, and the regression of the training poses."""
+    """What one patch reads of all training poses, entries of the arrays of `surroundings`, and the ridge for it."""
 
     arrays: dict[str, np.ndarray]
-    machine: Machine
+    numbers: Float[np.ndarray, "t w"]
+    ridge: float
+
+    def kernel(self, poses: Float[np.ndarray, "t w"], known: Float[np.ndarray, "m w"]) -> Float[np.ndarray, "t m"]:
+        """As `surroundings.pose_kernel`."""
+        from scipy.spatial.distance import cdist
+
+        if self.arrays["together"]:
+            return self.arrays["amounts"][0] * matern(cdist(poses, known, "sqeuclidean"))
+        found, amounts = np.zeros((len(poses), len(known))), self.arrays["amounts"]
+        for amount, one, other in zip(amounts, *(np.split(x, GROUPS, axis=1) for x in (poses, known)), strict=True):
+            found += amount * matern(cdist(one, other, "sqeuclidean"))
+        return found
+
+    def knowing(self, count: int) -> tuple[Float[np.ndarray, "w m"], Machine]:
+        """The numbers of at most so many poses that tell most of the others, and the regression that knows them."""
+        chosen = spread_poses(self.kernel(self.numbers, self.numbers), count)
+        known = _as_stored(self.numbers[chosen])
+        return known.T, known_machine(self.kernel(self.numbers, known), self.kernel(known, known), self.ridge)
+
+
+def _as_stored(array: np.ndarray) -> np.ndarray:
+    """Rounded as model files round it: with small ridges weights are large, and have to be those of what is read."""
+    return array.astype(np.float16).astype(np.float64)
 
 
 def read_patch(candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"], outputs: int) -> Reading:
@@ -115,35 +137,35 @@ def read_patch(candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"
     added = np.tensordot(amounts, _kernels(parts.numbers), axes=1)
     errors = leave_one_out(together, gram, RIDGES)
     if errors.min() <= leave_one_out(added, gram, [noise])[0]:
-        found, kernel, ridge, amounts = near, together, RIDGES[int(np.argmin(errors))], np.eye(GROUPS)[0]
+        found, ridge, amounts = near, RIDGES[int(np.argmin(errors))], np.eye(GROUPS)[0]
     else:
-        found, kernel, ridge = parts, added, noise
-    machine = kernel_machine(kernel, ridge, POSES)
+        found, ridge = parts, noise
     into = found.into
     if found is parts:  # each group makes its own three numbers of its own points
         into = np.zeros((GROUPS, 3 * OWN, GROUPS, 3))
         into[np.arange(GROUPS), :, np.arange(GROUPS)] = found.into
+    into = _as_stored(into.reshape(3 * POINTS, WAYS))
+    places = found.places.reshape(-1, POINTS, 3)
+    still = places.mean(axis=0)
     arrays = {
         "points": found.points.reshape(POINTS),
-        "still": found.still.reshape(POINTS, 3),
-        "into": into.reshape(3 * POINTS, WAYS),
+        "still": still,
+        "into": into,
         "together": np.array(found is near),
         "amounts": amounts,
-        "known": found.numbers[machine.chosen].reshape(len(machine.chosen), WAYS).T,
     }
-    return Reading(arrays, machine)
+    return Reading(arrays, (places - still).reshape(len(places), -1) @ into, ridge)
 
 
 def _told(
     points: Int[np.ndarray, "g n"], places: Float[np.ndarray, "t g n 3"], weights: np.ndarray, ways: int, least: float
 ) -> Told:
     """Of each group the directions in which its points vary most, in units of how much they vary or of `least`."""
-    still = places.mean(axis=0)
-    flat = (weights[..., None] * (places - still)).reshape(*places.shape[:2], -1)
+    flat = (weights[..., None] * (places - places.mean(axis=0))).reshape(*places.shape[:2], -1)
     values, axes = np.linalg.eigh(np.einsum("tgi,tgj->gij", flat, flat) / len(flat))
     size = np.sqrt(np.maximum(np.maximum(values, 0).sum(axis=1), least**2))
     into = axes[:, :, : -ways - 1 : -1] / size[:, None, None]
-    return Told(points, still, np.repeat(weights, 3, axis=1)[..., None] * into, np.einsum("tgi,giw->tgw", flat, into))
+    return Told(points, places, np.repeat(weights, 3, axis=1)[..., None] * into, np.einsum("tgi,giw->tgw", flat, into))
 
 
 def _near(candidates: Candidates, patch: int) -> Told:
@@ -168,7 +190,7 @@ def _added(
     best = np.resize(np.argsort(-components.amounts)[:GROUPS], GROUPS)  # a small body has fewer parts
     amounts = np.where(np.arange(GROUPS) < count, components.amounts[best], 0)
     whole = max(float(amounts.sum()), 1e-30)
-    told = Told(found.points[best], found.still[best], found.into[best], found.numbers[:, best])
+    told = Told(found.points[best], found.places[:, best], found.into[best], found.numbers[:, best])
     return told, amounts / whole, components.noise / whole
 
 
