@@ -107,7 +107,7 @@ def draw(result: dict[str, Any], path: Path) -> None:
             axes.plot(told["distance"], row["relrmse"], marker="o", markersize=3, label=row["method"])
         axes.set(title=name, xlabel=told["from_to"], ylabel="relrmse", yscale="log")
         axes.grid(alpha=0.3)
-    panels[0].legend(fontsize=8)
+    panels[-1].legend(fontsize=8, loc="lower right")
     figure.savefig(path, dpi=120)
 
 
