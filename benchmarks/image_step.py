@@ -21,7 +21,6 @@ from benchmarks.options import options, saved
 from gash_jax.geometry.geometry_image import geometry_image
 from gash_jax.geometry.parameterisation import parameterise
 from gash_jax.measure.provenance import provenance
-from gash_jax.models.deep_prt import image_arrays
 from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.unet import UNetConfig, build_unet
 from gash_jax.prt.bake import bake_transfer
@@ -29,7 +28,14 @@ from gash_jax.prt.sequence import posed_meshes
 from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.config import RunConfig, load_config
-from gash_jax.train.image_training import Images, ImageState, frames_as_images, image_step, initial_state
+from gash_jax.train.image_training import (
+    Images,
+    ImageState,
+    arrays_of_poses,
+    frames_as_images,
+    image_step,
+    initial_state,
+)
 from gash_jax.train.step import make_optimizer
 
 CONFIGS = ("deep-prt-small", "deep-prt")
@@ -42,7 +48,8 @@ def batch_of(config: UNetConfig, frames: int, detail: int) -> Images:
     moving = blendshape_animation(bumpy_sphere(detail), 0, frames, 4)
     baked = [bake_transfer(mesh, config.bands, 64).coefficients.astype(np.float16) for mesh in posed_meshes(moving)]
     image = geometry_image(parameterise(moving.mesh), config.size)
-    return frames_as_images(image_arrays(image, moving.mesh), image, TrainingPoses(moving, [np.stack(baked)]))
+    poses = TrainingPoses(moving, [np.stack(baked)])
+    return frames_as_images(arrays_of_poses(config, image, poses), image, poses)
 
 
 def with_random_head(state: ImageState) -> ImageState:
@@ -114,7 +121,7 @@ def main(output: Path | None, quick: bool) -> dict[str, Any]:
     for name in CONFIGS[:1] if quick else CONFIGS:
         run = load_config(name)
         if quick:
-            run = replace(run, model=UNetConfig("deep-prt", bands=2, size=32, channels=3, levels=2))
+            run = replace(run, model=UNetConfig("deep-prt", bands=2, size=32, channels=3, levels=2, changes=True))
         config = cast("UNetConfig", run.model)
         rows.append(measure(run, batch_of(config, 2 if quick else run.train.batch_frames, 4 if quick else 32)))
         print(rows[-1], flush=True)

@@ -59,6 +59,14 @@ class Images(NamedTuple):
     high: Float[np.ndarray, "c"]
 
 
+def arrays_of_poses(config: UNetConfig, image: GeometryImage, poses: TrainingPoses) -> dict[str, np.ndarray]:
+    """All that a model keeps but its network: the image of its rest, and with `model.changes` the means."""
+    arrays = image_arrays(image, poses.animation.mesh)
+    if config.changes:
+        arrays |= change_arrays(arrays, posed_meshes(poses.animation), _frames(poses))
+    return arrays
+
+
 def frames_as_images(arrays: dict[str, np.ndarray], image: GeometryImage, poses: TrainingPoses) -> Images:
     """All frames of an animation as images by the map of its rest; targets are those that give vertices most back."""
     fit, size, count, mean = image_fit(image), len(image.face), len(poses.animation), arrays.get(MEAN, np.float32(0))
@@ -111,9 +119,7 @@ def fit_deep_prt(
     that has no map to the square."""
     rest, config = poses.animation.mesh, cast("UNetConfig", run.model)
     image = geometry_image(parameterise(rest), config.size)
-    arrays = image_arrays(image, rest)
-    if config.changes:
-        arrays |= change_arrays(arrays, posed_meshes(poses.animation), _frames(poses))
+    arrays = arrays_of_poses(config, image, poses)
     images = frames_as_images(arrays, image, poses)
     state = train_images(run, images, folder, report)
     trained = network_arrays({"params": state.params, "batch_stats": state.means})
