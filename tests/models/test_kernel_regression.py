@@ -29,7 +29,7 @@ def direct(inputs: np.ndarray, outputs: np.ndarray, others: np.ndarray, ridge: f
 
 def low_rank(outputs: np.ndarray, rank: int, ridge: float) -> LowRank:
     gram, square = products_of(outputs), kernel(INPUTS, INPUTS)
-    return fit_low_rank(ridge_machine(square, gram, ridge / np.mean(np.diag(square))), outputs, gram, rank)
+    return fit_low_rank(ridge_machine(square, gram, ridge / float(np.mean(np.diag(square)))), outputs, gram, rank)
 
 
 def test_with_all_directions_it_is_the_regression_of_every_output() -> None:

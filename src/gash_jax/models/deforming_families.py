@@ -6,7 +6,7 @@ numbers a vertex. A new kind is a config, `fit` (training poses -> arrays) and `
 numbers, a JAX function), and one entry here. What has no `fit` is trained step by step (`train.image_training`).
 
     momo-prt   pose -> coefficients by least squares (Schneider et al. 2017)
-    deform     regression of each patch of the surface on the poses of what is around it, in the frames of the vertices
+    deform     regression of each patch of the surface on how what is around it is placed, in the frames of the vertices
     deep-prt   a U-Net over geometry images of the pose (DeepPRT)
 """
 
@@ -22,7 +22,7 @@ from gash_jax.models.training_poses import TrainingPoses
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.unet import UNetConfig
 
-Arrays = dict[str, Any]  # float32, by name
+Arrays = dict[str, Any]  # by name
 Shapes = dict[str, tuple[int | str, ...]]
 
 

@@ -1,7 +1,7 @@
 """A fitted model of one object that deforms, as one value: config and arrays in, a pose in, coefficients out, or of a
 glossy surface the radiance that arrives at it under one light.
 
-Files are npz as those of `model`: float32 arrays by name, the large ones float16, and JSON metadata with the full
+Files are npz as those of `model`: float32 arrays by name, large ones float16 or int8, and JSON metadata with the full
 config. They also hold the rest and the faces, so that a pose can be checked and given its normals, and the light.
 """
 
