@@ -29,6 +29,16 @@ def _cell(row: dict[str, Any], key: str, form: str) -> str:
     return value if isinstance(value, str) else format(value, form)
 
 
+def _of_frames(result: dict[str, Any], training: int, test: int) -> list[str]:
+    """How many frames there were, of how many rays, and what they took."""
+    asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
+    return [
+        f"{training} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;",
+        f"{test} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}.",
+        f"Seed {result['seed']}; {origin(result)}.",
+    ]
+
+
 def deforming_table(result: dict[str, Any]) -> str:
     """Every method on one object; of the columns those that the result has."""
     rows = [dict(row) for row in result["rows"]]
@@ -37,11 +47,9 @@ def deforming_table(result: dict[str, Any]) -> str:
             row |= {"megabytes": row["bytes"] / 1e6, "compression": result["coefficient_bytes"] / row["bytes"]}
     shown = [column for column in COLUMNS if any(column[1] in row for row in rows)]
     lines = [[row["method"], *(_cell(row, key, form) for _, key, form in shown)] for row in rows]
-    asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
+    asked = result["arguments"]
     told = [f"{result['name']}, {result['vertices']} vertices, {asked['bands']} bands; {result['poses']}."]
-    told += [f"{asked['frames']} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;"]
-    told += [f"{asked['test_frames']} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}."]
-    told += [f"Seed {result['seed']}; {origin(result)}."]
+    told += _of_frames(result, asked["frames"], asked["test_frames"])
     table_of = table(["method", *(name for name, _, _ in shown)], lines)
     return "\n".join([table_of, "", *told])
 
@@ -54,11 +62,9 @@ def glossy_table(result: dict[str, Any]) -> str:
     columns.insert(3, ("MB", "megabytes", ".1f"))
     rows = [{**row, **({"megabytes": row["bytes"] / 1e6} if "bytes" in row else {})} for row in result["rows"]]
     lines = [[row["method"], *(_cell(row, key, form) for _, key, form in columns)] for row in rows]
-    asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
+    asked = result["arguments"]
     told = [f"The {result['animation']}, {asked['bands']} bands, light `{asked['light']}`."]
-    told += [f"{result['frames']} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;"]
-    told += [f"{result['test_frames']} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}."]
-    told += [f"Seed {result['seed']}; {origin(result)}."]
+    told += _of_frames(result, result["frames"], result["test_frames"])
     return "\n".join([table(["method", *(name for name, _, _ in columns)], lines), "", *told])
 
 

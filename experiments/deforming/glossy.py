@@ -26,7 +26,7 @@ from gash_jax.measure.timing import timed_on_both_clocks
 from gash_jax.models.deforming_model import DeformingModel, load_deforming_model
 from gash_jax.prt.sequence import bake_frame, posed_meshes
 from gash_jax.train.config import load_config
-from gash_jax.train.deforming_run import split_animation
+from gash_jax.train.deforming_run import score_model, split_animation
 from gash_jax.train.target import flat_radiance, target_frames, target_shards
 from gash_jax.train.truth import bake_truth
 
@@ -75,10 +75,9 @@ def main(run: Sequence[str], output: Path | None) -> dict[str, Any]:
     mean = np.asarray(np.mean(np.concatenate(shards), axis=0, dtype=np.float64), np.float32)
     rows = [{"method": "mean", **scored([mean] * len(meshes), references, meshes, ranges)}]
     for (name, folder), model in zip(named, models, strict=True):
-        found = [np.asarray(model.outputs(mesh)) for mesh in meshes]
         _, spent = timed_on_both_clocks(lambda model=model: model.outputs(meshes[0]), 9)
         size, fit = (folder / "model.npz").stat().st_size, model.metadata["fit_seconds"]["cpu"]
-        row = {"method": name, **scored(found, references, meshes, ranges), "bytes": size, "fit_cpu_seconds": fit}
+        row = {"method": name, **score_model(model, test), "bytes": size, "fit_cpu_seconds": fit}
         rows.append({**row, "model_ms": 1e3 * spent.wall})
     rows += [bake_row(rays, split.test, models[0], references, meshes) for rays in RAYS]
     arguments = {"rays": data.rays, "test_rays": data.test_rays, "bands": bands, "light": data.light}

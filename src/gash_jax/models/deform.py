@@ -127,10 +127,10 @@ def cut_to_size(fitted: Fitted, mesh: Mesh, megabytes: float) -> dict[str, Any]:
         mean[own], weights[number], energy[number] = found.mean.reshape(-1, size), found.dual, found.energy
         basis[own] = found.basis.reshape(rank, -1, size).transpose(1, 2, 0)
     read = {name: np.stack([reading.arrays[name] for reading in fitted.readings]) for name in fitted.readings[0].arrays}
-    read |= {**fitted.places, "known": known}
     halves = mean.size + known.size + read["into"].size
-    numbers = sum(array.size for array in (*fitted.arrays.values(), *read.values(), *mesh)) - known.size
-    numbers += 2 * vertices - read["into"].size  # `patch` and `row`
+    whole = (*fitted.arrays.values(), *fitted.places.values(), *read.values(), *mesh)
+    numbers = sum(array.size for array in whole) - read["into"].size + 2 * vertices  # `patch` and `row`
+    read |= {**fitted.places, "known": known}
     patches = Patches(fitted.patch, mean, basis, weights, energy)
     tables = level_arrays(patches, MEGABYTE * megabytes - 2 * halves - 4 * numbers)
     order = tables.pop("order")

@@ -132,10 +132,8 @@ def _as_stored(array: np.ndarray) -> np.ndarray:
 
 def read_patch(candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"], outputs: int) -> Reading:
     """The reading of a patch whose outputs, less their mean, have these products over the training poses."""
-    near, (parts, amounts, noise) = _near(candidates, patch), _added(candidates, patch, gram, outputs)
-    together = _kernels(near.numbers)[0]
-    added = np.tensordot(amounts, _kernels(parts.numbers), axes=1)
-    errors = leave_one_out(together, gram, RIDGES)
+    near, (parts, amounts, noise, added) = _near(candidates, patch), _added(candidates, patch, gram, outputs)
+    errors = leave_one_out(_kernels(near.numbers)[0], gram, RIDGES)
     if errors.min() <= leave_one_out(added, gram, [noise])[0]:
         found, ridge, amounts = near, RIDGES[int(np.argmin(errors))], np.eye(GROUPS)[0]
     else:
@@ -178,20 +176,21 @@ def _near(candidates: Candidates, patch: int) -> Told:
 
 def _added(
     candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"], outputs: int
-) -> tuple[Told, Float[np.ndarray, "g"], float]:
-    """The parts that change a patch most, how much each does, and the noise, both relative to their sum."""
+) -> tuple[Told, Float[np.ndarray, "g"], float, Float[np.ndarray, "t t"]]:
+    """The parts that change a patch most, how much each does and the noise, relative to their sum, and their kernel."""
     count, own = candidates.parts.shape
     places = candidates.seen[:, patch, : count * own].reshape(-1, count, own, 3).astype(np.float64)
     found = _told(candidates.parts, places, np.ones((count, own)), WAYS // GROUPS, STILL * float(np.sqrt(own)))
     some = np.unique(np.linspace(0, len(gram) - 1, min(len(gram), TIMES)).astype(int))
     moves = np.sqrt((found.numbers**2).sum(axis=2).mean(axis=0)) > 0.1  # a part at rest would be a mere constant
-    kernels = _kernels(found.numbers[some]) * moves[:, None, None]
-    components = variance_components(kernels, gram[np.ix_(some, some)], outputs, min(GROUPS, count))
+    kernels = _kernels(found.numbers) * moves[:, None, None]
+    chosen = np.ix_(some, some)
+    components = variance_components(kernels[:, *chosen], gram[chosen], outputs, min(GROUPS, count))
     best = np.resize(np.argsort(-components.amounts)[:GROUPS], GROUPS)  # a small body has fewer parts
     amounts = np.where(np.arange(GROUPS) < count, components.amounts[best], 0)
     whole = max(float(amounts.sum()), 1e-30)
     told = Told(found.points[best], found.places[:, best], found.into[best], found.numbers[:, best])
-    return told, amounts / whole, components.noise / whole
+    return told, amounts / whole, components.noise / whole, np.tensordot(components.amounts / whole, kernels, axes=1)
 
 
 def _kernels(numbers: Float[np.ndarray, "t g w"]) -> Float[np.ndarray, "g t t"]:
