@@ -5,10 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gash_jax.geometry.carried_normals import carried_normals
 from gash_jax.geometry.mesh import angle_weighted_normals
-from gash_jax.models.deforming import carried_normals, deforming_predictor, normals_of_pose, vertex_normals
+from gash_jax.models.deforming import deforming_predictor
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.model import Model
+from gash_jax.models.pose_normals import normals_of_pose, vertex_normals
 from gash_jax.shapes.primitives import bumpy_sphere
 from tests.helpers.bumpy import random_rotation, random_variables
 

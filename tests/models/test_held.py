@@ -7,10 +7,11 @@ import pytest
 
 from gash_jax.geometry.carried_normals import carried_normals, posed_mesh
 from gash_jax.geometry.mesh import MeshError
-from gash_jax.models.deforming import deforming_predictor, normals_of_pose
+from gash_jax.models.deforming import deforming_predictor
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.held import SIDES, TETRAHEDRON, HeldMesh, warm_up
 from gash_jax.models.model import Model
+from gash_jax.models.pose_normals import normals_of_pose
 from gash_jax.shapes.primitives import bumpy_sphere
 from tests.helpers.bumpy import random_variables
 from tests.helpers.split import split_mesh

@@ -14,46 +14,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array
 
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
-from gash_jax.algebra.numerics import safe_norm, safe_normalize
 from gash_jax.formats.meshes import MeshLike, as_mesh
-from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, vertex_frames
+from gash_jax.geometry.carried_normals import carried_normals
 from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, check_together, node_slots, normalised, plan_surfels
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
+from gash_jax.models.pose_normals import normals_of_pose
 from gash_jax.models.surfel_inference import apply_surfels
 from gash_jax.nn.surfel_net import SurfelConfig
 
-FLAT = 1e-6  # sine of the angle at which two edges of a face are one in float32
 # positions -> coefficients and predicted error, both "v k"
 DeformingFn = Callable[[ArrayLike | Array], tuple[Array, Array]]
-
-
-def vertex_normals(positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[Array, "v 3"]:
-    """Angle-weighted normals as in `geometry.mesh.angle_weighted_normals`, differentiable; 0 without a face."""
-    corners = [positions[faces[:, i]] for i in range(3)]
-    first, second = corners[1] - corners[0], corners[2] - corners[0]
-    cross = jnp.cross(first, second)
-    twice_area = safe_norm(cross)
-    # of two equal edges a fused product leaves rounding, which has a direction
-    flat = twice_area**2 <= FLAT**2 * jnp.sum(first * first, axis=1) * jnp.sum(second * second, axis=1)
-    sums, unit = jnp.zeros_like(positions), jnp.where(flat[:, None], 0.0, safe_normalize(cross))
-    for i in range(3):
-        along, back = (corners[(i + j) % 3] - corners[i] for j in (1, 2))
-        # a face without area has unit normal 0; its angle only must not be that of (0, 0), which has no gradient
-        angle = jnp.arctan2(twice_area, jnp.where(flat, 1.0, jnp.sum(along * back, axis=1)))
-        sums = sums.at[faces[:, i]].add(angle[:, None] * unit)
-    return safe_normalize(sums)
-
-
-def normals_of_pose(
-    positions: Float[Array, "v 3"], faces: Int[np.ndarray, "f 3"], carried: CarriedNormals
-) -> Float[Array, "v 3"]:
-    """Unit normals of a pose, differentiable; 0 where the pose has made a frame vanish."""
-    frames = vertex_frames(positions, vertex_normals(positions, faces), carried.neighbour, safe_normalize)
-    return safe_normalize(jnp.einsum("vij,vi->vj", frames, carried.local)) + carried.fixed
 
 
 def check_deforms(model: Model) -> None:

@@ -23,9 +23,9 @@ from gash_jax.files.settings import ConfigError, from_dict
 from gash_jax.geometry.carried_normals import CarriedNormals, carried_normals, posed_mesh
 from gash_jax.geometry.mesh import Mesh, MeshError, referenced
 from gash_jax.models.deep_prt import NET
-from gash_jax.models.deforming import normals_of_pose
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.model import DEFORMING_FORMAT
+from gash_jax.models.pose_normals import normals_of_pose
 from gash_jax.models.pose_reader import POSE_SHAPES, poses_outside, reader_of
 from gash_jax.nn.config import ModelConfig
 from gash_jax.prt.transfer import Transfer, make_metadata

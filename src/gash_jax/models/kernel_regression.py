@@ -96,7 +96,8 @@ def fit_low_rank(
 ) -> LowRank:
     """The leading directions of what a regression predicts of some outputs, float32, with their products."""
     mean = outputs.mean(axis=0)
-    smooth = machine.columns @ machine.inverse
+    # C = Q R: predictions Q (R M Y) have the directions and the energies of R M Y, which is only as tall as M
+    smooth = np.linalg.qr(machine.columns, mode="r") @ machine.inverse
     values, vectors = np.linalg.eigh(smooth @ gram @ smooth.T)
     kept = np.argsort(-values)[: min(rank, len(values))]
     strong = values[kept] > WEAKEST * max(float(values.max()), 1e-30)  # the others are rounding, and stay zeros

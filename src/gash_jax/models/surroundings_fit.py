@@ -19,7 +19,7 @@ NEAREST = 800  # vertices spread over the rest, of which a patch reads the neare
 NEAR, POWER = 0.03, 6.0  # weights of these fall off as 1 / (d² + NEAR²)^(POWER/2), d in diagonals of the rest
 WIDER = 2.0  # than that of a part is the reach of a kernel of all that is near
 STILL = 1e-4  # of the diagonal: what moves less counts as if it moved so far
-TIMES = 600  # poses that the amounts of parts are estimated from, at most
+TIMES = 600  # poses, at most, that amounts of parts and ridges are estimated from
 OWN = POINTS // GROUPS  # points of a part
 
 
@@ -132,8 +132,10 @@ def _as_stored(array: np.ndarray) -> np.ndarray:
 
 def read_patch(candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"], outputs: int) -> Reading:
     """The reading of a patch whose outputs, less their mean, have these products over the training poses."""
-    near, (parts, amounts, noise, added) = _near(candidates, patch), _added(candidates, patch, gram, outputs)
-    errors = leave_one_out(_kernels(near.numbers)[0], gram, RIDGES)
+    some = np.unique(np.linspace(0, len(gram) - 1, min(len(gram), TIMES)).astype(int))
+    gram = gram[np.ix_(some, some)]
+    near, (parts, amounts, noise, added) = _near(candidates, patch), _added(candidates, patch, some, gram, outputs)
+    errors = leave_one_out(_kernels(near.numbers[some])[0], gram, RIDGES)
     if errors.min() <= leave_one_out(added, gram, [noise])[0]:
         found, ridge, amounts = near, RIDGES[int(np.argmin(errors))], np.eye(GROUPS)[0]
     else:
@@ -175,17 +177,16 @@ def _near(candidates: Candidates, patch: int) -> Told:
 
 
 def _added(
-    candidates: Candidates, patch: int, gram: Float[np.ndarray, "t t"], outputs: int
-) -> tuple[Told, Float[np.ndarray, "g"], float, Float[np.ndarray, "t t"]]:
-    """The parts that change a patch most, how much each does and the noise, relative to their sum, and their kernel."""
+    candidates: Candidates, patch: int, some: Int[np.ndarray, "s"], gram: Float[np.ndarray, "s s"], outputs: int
+) -> tuple[Told, Float[np.ndarray, "g"], float, Float[np.ndarray, "s s"]]:
+    """The parts that change a patch most, how much each does and the noise, relative to their sum, and their kernel of
+    some poses."""
     count, own = candidates.parts.shape
     places = candidates.seen[:, patch, : count * own].reshape(-1, count, own, 3).astype(np.float64)
     found = _told(candidates.parts, places, np.ones((count, own)), WAYS // GROUPS, STILL * float(np.sqrt(own)))
-    some = np.unique(np.linspace(0, len(gram) - 1, min(len(gram), TIMES)).astype(int))
     moves = np.sqrt((found.numbers**2).sum(axis=2).mean(axis=0)) > 0.1  # a part at rest would be a mere constant
-    kernels = _kernels(found.numbers) * moves[:, None, None]
-    chosen = np.ix_(some, some)
-    components = variance_components(kernels[:, *chosen], gram[chosen], outputs, min(GROUPS, count))
+    kernels = _kernels(found.numbers[some]) * moves[:, None, None]
+    components = variance_components(kernels, gram, outputs, min(GROUPS, count))
     best = np.resize(np.argsort(-components.amounts)[:GROUPS], GROUPS)  # a small body has fewer parts
     amounts = np.where(np.arange(GROUPS) < count, components.amounts[best], 0)
     whole = max(float(amounts.sum()), 1e-30)
