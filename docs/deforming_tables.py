@@ -32,8 +32,9 @@ def _cell(row: dict[str, Any], key: str, form: str) -> str:
 def _of_frames(result: dict[str, Any], training: int, test: int) -> list[str]:
     """How many frames there were, of how many rays, and what they took."""
     asked, seconds = result["arguments"], result["cpu_seconds_a_baked_frame"]
+    more = f"; the others {seconds['more']:.2f}" if "more" in seconds else ""
     return [
-        f"{training} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each;",
+        f"{training} training frames of {asked['rays']} rays, {seconds['training']:.2f} CPU seconds each{more};",
         f"{test} test frames of {asked['test_rays']} rays, {seconds['test']:.1f}.",
         f"Seed {result['seed']}; {origin(result)}.",
     ]

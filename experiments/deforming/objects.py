@@ -18,7 +18,7 @@ from gash_jax.shapes.deformations import blendshape_animation
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.shapes.rigs import figure_animation
 
-FRAMES = 500  # of the generated ones
+FRAMES, POSES = 500, 1850  # of the generated cloth, and of the figure
 
 
 class Object(NamedTuple):
@@ -43,7 +43,7 @@ def _cloth(path: Path) -> None:
 
 
 def _figure(path: Path) -> None:
-    moving = figure_animation(0, FRAMES)
+    moving = figure_animation(0, POSES)
     motion: Any = moving.motion
     bones = {"weights": motion.weights, "transforms": moving.transforms, "names": np.array(moving.names)}
     np.savez(path, rest=motion.rest, faces=moving.mesh.faces, **bones)

@@ -1,13 +1,14 @@
 """Models of one object that deforms beside what is simpler, and beside baking: error, bytes, milliseconds a frame.
 
     .venv/bin/python -m experiments.deforming.run --object face --animation ict_face_expressions.npz \
-        --vertices 0:11248 --also deep-prt-small=RUN --output docs/results/deforming_face.json
+        --vertices 0:11248 --more 1800:64 --also deep-prt-small=RUN --output docs/results/deforming_face.json
     .venv/bin/python -m experiments.deforming.run --object cloth --output docs/results/deforming_cloth.json
 
 `experiments.deforming.objects` lists the objects. All models are fitted to the same frames and held against the same
-test frames. *PCA floor*: the best that any model can do whose coefficients are the mean and so many components of those
-of the training frames. `deform` is fitted once, and cut to several sizes. `local` is the shipped network with its
-graph kept, which knows 3 bands: its row is about those.
+test frames; with `--more 1800:64` `momo-prt` and `deform` also to so many frames of so many rays. *PCA floor*: the best
+that any model can do whose coefficients are the mean and so many components of those of the training frames. `deform`
+is fitted once, and cut to several sizes. `local` is the shipped network with its graph kept, which knows 3 bands: its
+row is about those.
 """
 
 import time
@@ -55,7 +56,8 @@ def floors(training: Float[np.ndarray, "t v k"], test: Frames, yardstick: Yardst
     values, vectors = np.linalg.eigh((flat @ flat.T).astype(np.float64))
     order = np.argsort(-values)
     still = [mean.reshape(training.shape[1:])] * len(references)
-    rows = [{"method": "mean of the training frames", **yardstick.scores(still)}]
+    moves = yardstick.flicker(lambda mesh: still[0])  # of what never moves: how the truth itself moves
+    rows = [{"method": "mean of the training frames", **yardstick.scores(still), **moves}]
     told = references.reshape(len(references), -1) - mean
     for count in [count for count in COMPONENTS if count < len(training)]:
         kept = order[:count]
@@ -100,7 +102,9 @@ def bake_rows(test: Frames, rows: slice, yardsticks: Sequence[Yardstick]) -> lis
     return found
 
 
-def fitted_models(poses: TrainingPoses) -> Iterator[tuple[str, RunConfig, dict[str, Any], float]]:
+def fitted_models(
+    poses: TrainingPoses, sizes: Sequence[float] = MEGABYTES
+) -> Iterator[tuple[str, RunConfig, dict[str, Any], float]]:
     """Name, config, arrays and CPU seconds of the fit of `momo-prt`, and of `deform` cut to every size."""
     linear: Any = load_config("momo-prt")
     ours: Any = load_config("deform")
@@ -110,16 +114,23 @@ def fitted_models(poses: TrainingPoses) -> Iterator[tuple[str, RunConfig, dict[s
     started = time.process_time()
     found = fit_patches(ours.model, poses)
     seconds = time.process_time() - started
-    for size in MEGABYTES:
+    for size in sizes:
         yield f"deform, {size:g} MB", ours, cut_to_size(found, poses.animation.mesh, size), seconds
 
 
-def fitted_rows(poses: TrainingPoses, test: Frames, yardstick: Yardstick, folder: Path) -> list[dict[str, Any]]:
-    """The rows of what is fitted in one piece; the last model stays in the folder."""
+def fitted_rows(
+    poses: TrainingPoses,
+    test: Frames,
+    yardstick: Yardstick,
+    folder: Path,
+    sizes: Sequence[float] = MEGABYTES,
+    told: str = "",
+) -> list[dict[str, Any]]:
+    """The rows of what is fitted in one piece, `told` behind their names; the last model stays in the folder."""
     rows, path = [], folder / "model.npz"
-    for name, config, arrays, seconds in fitted_models(poses):
+    for name, config, arrays, seconds in fitted_models(poses, sizes):
         save_deforming_model(path, config.model, arrays, poses.animation.mesh)
-        row = model_row(name, load_deforming_model(path), path, test, yardstick)
+        row = model_row(name + told, load_deforming_model(path), path, test, yardstick)
         rows.append({**row, "fit_cpu_seconds": seconds})
     return rows
 
@@ -137,6 +148,17 @@ def other_rows(also: Sequence[str], test: Frames, whole: Yardstick, three: Yards
             row = method_row(f"{name}, 3 bands", lambda mesh, p=predict: p(mesh.vertices)[0], test, three)
             rows.append(row | three.against_bakes(row["relrmse"]))
     return rows
+
+
+def more_rows(
+    more: tuple[int, int], data: Sequence[str], test: Frames, yardstick: Yardstick, folder: Path
+) -> tuple[list[dict[str, Any]], float]:
+    """The rows of what is fitted to other frames, so many of so many rays, and the CPU seconds that one took."""
+    frames, rays = more
+    scene = split_animation(load_config("deform", [*data, f"data.frames={frames}"]).data).training
+    truth = bake_truth(scene, BANDS, rays)
+    poses, told = TrainingPoses(scene.receivers, truth.shards()), f", {frames} frames of {rays} rays"
+    return fitted_rows(poses, test, yardstick, folder, (MEGABYTES[0], MEGABYTES[2]), told), truth.cpu_seconds
 
 
 def in_time(test: Truth, follow: bool, rays: int) -> Frames | None:
@@ -157,14 +179,15 @@ def main(
     test_frames: int,
     rays: int,
     test_rays: int,
+    more: tuple[int, int] | None,
     also: Sequence[str],
     work: Path,
     output: Path | None,
 ) -> dict[str, Any]:
     """Fit and measure everything on one object."""
     data = [f"data.animation={object_file(object, animation, work)}", f'data.vertices="{vertices}"']
-    data += [f"data.frames={frames}", f"data.test_frames={test_frames}", f"data.poses={OBJECTS[object].split}"]
-    split = split_animation(load_config("deform", data).data)
+    data += [f"data.test_frames={test_frames}", f"data.poses={OBJECTS[object].split}"]
+    split = split_animation(load_config("deform", [*data, f"data.frames={frames}"]).data)
     truth, test_truth = bake_truth(split.training, BANDS, rays), bake_truth(split.test, BANDS, test_rays)
     poses, mesh = TrainingPoses(split.training.receivers, truth.shards()), split.training.receivers.mesh
     ranges, test = coefficient_ranges(poses.shards), frames_of(test_truth)
@@ -173,9 +196,10 @@ def main(
     work.mkdir(parents=True, exist_ok=True)
     bakes = bake_rows(test, split.test.rows, (whole, three))
     rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(poses, test, whole, work)]
-    rows = [row | whole.against_bakes(row["relrmse"]) for row in rows] + other_rows(also, test, whole, three)
+    found, seconds = more_rows(more, data, test, whole, work) if more else ([], 0.0)
+    rows = [row | whole.against_bakes(row["relrmse"]) for row in rows + found] + other_rows(also, test, whole, three)
     arguments = {"frames": len(truth), "test_frames": len(test.meshes), "rays": rays, "test_rays": test_rays}
-    baked = {"training": truth.cpu_seconds, "test": test_truth.cpu_seconds}
+    baked = {"training": truth.cpu_seconds, "test": test_truth.cpu_seconds, **({"more": seconds} if more else {})}
     sizes = {"name": OBJECTS[object].title, "poses": OBJECTS[object].poses, "vertices": len(mesh.vertices)}
     sizes["coefficient_bytes"] = 2 * len(mesh.vertices) * BANDS**2 * len(truth)
     told = {**sizes, "cpu_seconds_a_baked_frame": baked, "rows": rows + bakes}
@@ -192,5 +216,8 @@ if __name__ == "__main__":
     )
     for option, count in (("frames", 450), ("test-frames", 50), ("rays", 256), ("test-rays", 4096)):
         asked.add_argument(f"--{option}", type=int, default=count)
+    asked.add_argument(
+        "--more", type=lambda text: tuple(map(int, text.split(":"))), metavar="FRAMES:RAYS", help="other frames to fit"
+    )
     asked.add_argument("--work", type=Path, default=Path("runs/deforming"), help="folder for what is written meanwhile")
     main(**vars(asked.parse_args()))

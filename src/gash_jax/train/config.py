@@ -40,7 +40,12 @@ class DataConfig:
     shapes: int = setting(96, "shapes to train on", least=1)
     validation_shapes: int = setting(8, "shapes to validate on", least=0)
     seed: int = setting(0, "seed of the shapes", least=0)
-    rays: int = setting(256, "rays per vertex of the labels", least=1, most=1 << 20)
+    rays: int = setting(
+        256,
+        "rays per vertex of the labels; 0, of models of one object: 64 to 256, the more frames the fewer",
+        least=0,
+        most=1 << 20,
+    )
     min_vertices: int = setting(600, "vertices of the smallest shapes", least=4)
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
@@ -120,6 +125,8 @@ class RunConfig:
         for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 raise ConfigError(f"{name} is no {kind.__name__}: take load_config, and change keys by its overrides")
+        if not self.data.rays and self.model.name not in DEFORMING:
+            raise ConfigError(f"data.rays=0 is for models of an object that deforms: give {self.model.name} some rays")
         glossy = [name for name, family in DEFORMING.items() if family.glossy]
         if self.data.light and self.model.name not in glossy:
             raise ConfigError(
