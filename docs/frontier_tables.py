@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from docs.baking_tables import origin
 from docs.local_tables import table
 
@@ -83,3 +85,37 @@ def mesh_targets_table(result: dict[str, Any]) -> str:
             )
             rows.append(line)
     return table(header, rows)
+
+
+def equal_time_table(result: dict[str, Any]) -> str:
+    """`local`, and the guided and the plain bake in the seconds that it takes, scene or graph included."""
+    header = ["mesh", "vertices", "`local`: ms per 1000 vertices", "relrmse", "guided bake in that time", "plain bake"]
+    header += ["the least"]
+    rows = []
+    for mesh in result["meshes"]:
+        of = {name: [row for row in mesh["rows"] if row["method"] == name] for name in ("local", "guided", "plain")}
+        if not of["local"]:
+            continue
+        local = of["local"][0]
+        found = {"`local`": local["relrmse"]}
+        seconds = local["seconds"]["median"]
+        found |= {name: _in_time(of[name], seconds) for name in ("guided", "plain") if of[name]}
+        shown = [f"{found[name]:.4f}" if name in found else "-" for name in ("guided", "plain")]
+        line = [
+            mesh["mesh"],
+            str(mesh["vertices"]),
+            f"{1e6 * seconds / mesh['vertices']:.2f}",
+            f"{local['relrmse']:.4f}",
+        ]
+        rows.append([*line, *shown, min(found, key=lambda name: found[name])])
+    told = f"{result['arguments']['rounds']} rounds, reference of {result['arguments']['rays']} rays. {origin(result)}."
+    return f"{table(header, rows)}\n\n{told}"
+
+
+def _in_time(rows: list[dict[str, Any]], seconds: float) -> float:
+    """The error that a method comes to in so many seconds, between its settings; infinite below the quickest."""
+    points = sorted((row["seconds"]["median"], row["relrmse"]) for row in rows)
+    times, errors = np.array(points).T
+    if seconds < times[0]:
+        return float("inf")
+    return float(np.exp(np.interp(np.log(seconds), np.log(times), np.log(np.minimum.accumulate(errors)))))

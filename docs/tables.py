@@ -108,6 +108,7 @@ TABLES = (
     Table("docs/baking.md", "TARGETS", frontier_tables.targets_table, "frontier.json"),
     Table("docs/baking.md", "TARGETS BY MESH", frontier_tables.mesh_targets_table, "frontier.json"),
     Table("docs/baking.md", "FRONTIER", frontier_tables.whole_table, "frontier.json"),
+    Table("docs/baking.md", "EQUAL TIME", frontier_tables.equal_time_table, "frontier.json"),
     Table("docs/baking.md", "PAPER", baking_tables.paper_table, "paper_sizes.json"),
     Table("docs/baking.md", "SCALING", baking_tables.scaling_table, "scaling.json"),
     Table("docs/baking.md", "ALGEBRA", baking_tables.algebra_table, "algebra_speed.json"),

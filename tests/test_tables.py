@@ -54,6 +54,18 @@ def test_results_say_where_they_come_from() -> None:
         assert table.render(result).count("\n|") >= 2
 
 
+def test_errors_in_equal_time_lie_between_the_settings() -> None:
+    """Half-way between 1 and 4 s in the logarithm, so between .08 and .02; a method that is not so quick has none."""
+    rows = [("local", 2.0, 0.05), ("guided", 1.0, 0.08), ("guided", 4.0, 0.02), ("plain", 3.0, 0.01)]
+    mesh = {
+        **{"mesh": "body", "vertices": 1000, "bounces": 0, "frames": 0, "skipped": {}},
+        "rows": [{"method": name, "seconds": {"median": s}, "relrmse": error} for name, s, error in rows],
+    }
+    machine = {"processor": "a processor", "cores": 2, "device": "cpu"}
+    told = {"meshes": [mesh], "arguments": {"rounds": 3, "rays": 64}, "machine": machine, "commit": "abc"}
+    assert "| body | 1000 | 2000.00 | 0.0500 | 0.0400 | inf | guided |" in tables.frontier_tables.equal_time_table(told)
+
+
 def test_filling_replaces_one_table_and_nothing_else() -> None:
     text = "before\n<!-- A -->\nold\n<!-- /A -->\nbetween\n<!-- B -->\nkept\n<!-- /B -->\n"
     filled = tables.fill(text, "A", r"new \1")
