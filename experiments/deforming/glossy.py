@@ -26,7 +26,7 @@ from gash_jax.measure.timing import timed_on_both_clocks
 from gash_jax.models.deforming_model import DeformingModel, load_deforming_model
 from gash_jax.prt.sequence import bake_frame, posed_meshes
 from gash_jax.train.config import load_config
-from gash_jax.train.deforming_run import score_model, split_animation
+from gash_jax.train.deforming_run import rays_of_frames, score_model, split_animation
 from gash_jax.train.target import flat_radiance, target_frames, target_shards
 from gash_jax.train.truth import bake_truth
 
@@ -65,9 +65,10 @@ def main(run: Sequence[str], output: Path | None) -> dict[str, Any]:
     config = load_config(named[0][1] / "config.json")
     data, bands, models = config.data, config.model.bands, [load_deforming_model(folder) for _, folder in named]
     split, light = split_animation(data), models[0].light
+    few = rays_of_frames(data, len(split.training.animation))
     truth, test = (
         bake_truth(scene, bands, rays, glossy=True)
-        for scene, rays in ((split.training, data.rays), (split.test, data.test_rays))
+        for scene, rays in ((split.training, few), (split.test, data.test_rays))
     )
     references, meshes = list(target_frames(test, light)), list(posed_meshes(split.test.receivers))
     ranges = np.array(models[0].metadata["ranges"])
@@ -80,7 +81,7 @@ def main(run: Sequence[str], output: Path | None) -> dict[str, Any]:
         row = {"method": name, **score_model(model, test), "bytes": size, "fit_cpu_seconds": fit}
         rows.append({**row, "model_ms": 1e3 * spent.wall})
     rows += [bake_row(rays, split.test, models[0], references, meshes) for rays in RAYS]
-    arguments = {"rays": data.rays, "test_rays": data.test_rays, "bands": bands, "light": data.light}
+    arguments = {"rays": few, "test_rays": data.test_rays, "bands": bands, "light": data.light}
     seconds = {"training": truth.cpu_seconds, "test": test.cpu_seconds}
     told = {"animation": Path(data.animation).stem, "frames": len(truth), "test_frames": len(test)}
     return saved(
