@@ -52,7 +52,7 @@ def test_a_vertex_may_have_any_number_of_faces(faces_at_middle: int) -> None:
 
 def test_many_poses_at_once_and_without_faces() -> None:
     mesh = bumpy_sphere(5)
-    poses = jnp.asarray(np.stack([mesh.vertices, mesh.vertices * np.float32([1, 2, 3])]))
+    poses = jnp.asarray(np.stack([mesh.vertices, mesh.vertices * np.array([1, 2, 3], np.float32)]))
     found = jax.jit(jax.vmap(lambda pose: vertex_normals(pose, mesh.faces)))(poses)
     for pose, normals in zip(np.asarray(poses), found, strict=True):
         np.testing.assert_allclose(normals, angle_weighted_normals(pose.astype(np.float64), mesh.faces), atol=3e-6)

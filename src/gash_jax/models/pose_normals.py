@@ -38,7 +38,7 @@ def corners_of(faces: Int[np.ndarray, "f 3"], vertices: int) -> Corners:
     tables = np.tile(np.arange(vertices, dtype=np.int32), (2, CORNERS, 1))
     few = place < CORNERS
     tables[:, place[few], each[few, 0]] = each[few, 1:].T
-    return Corners(*tables, each[~few])
+    return Corners(tables[0], tables[1], each[~few])
 
 
 def angle_of(sine: Float[Array, "..."], cosine: Float[Array, "..."]) -> Float[Array, "..."]:
