@@ -160,7 +160,7 @@ def more_rows(
     scene = split_animation(load_config("deform", [*data, f"data.frames={frames}"]).data).training
     truth = bake_truth(scene, BANDS, rays)
     poses, told = TrainingPoses(scene.receivers, truth.shards()), f", {frames} frames of {rays} rays"
-    return fitted_rows(poses, test, yardstick, folder, (MEGABYTES[0], MEGABYTES[2]), told), truth.cpu_seconds
+    return fitted_rows(poses, test, yardstick, folder, MEGABYTES[:3:2], told), truth.cpu_seconds
 
 
 def in_time(test: Truth, follow: bool, rays: int) -> Frames | None:

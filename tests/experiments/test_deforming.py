@@ -36,7 +36,7 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(run, "STEADY", 4)
     sizes = {"frames": 12, "test_frames": 3, "rays": 8, "test_rays": 64}
     folders: dict[str, Any] = {"work": tmp_path / "work", "output": tmp_path / "result.json"}
-    result = run.main("bumps", None, "", **sizes, also=["again=local"], **folders)
+    result = run.main("bumps", None, "", **sizes, more=(20, 4), also=["again=local"], **folders)
     rows = {row["method"]: row for row in result["rows"]}
     assert rows["PCA floor, 9 components"]["relrmse"] < rows["PCA floor, 3 components"]["relrmse"]
     assert rows["PCA floor, 3 components"]["relrmse"] < rows["mean of the training frames"]["relrmse"]
@@ -44,9 +44,13 @@ def test_it_runs_and_its_table_has_every_method(tmp_path: Path, monkeypatch: pyt
     assert rows["deform, 0.1 MB"]["bytes"] < rows["deform, 1 MB"]["bytes"]
     assert rows["again, 3 bands"]["relrmse"] == rows["local, 3 bands"]["relrmse"]
     assert all(0 <= row["accuracy"] <= 1 and row["ssim"] <= 1 for row in rows.values())
+    assert "momo-prt, 20 frames of 4 rays" in rows and "deform, 0.1 MB, 20 frames of 4 rays" in rows
+    assert result["cpu_seconds_a_baked_frame"]["more"] > 0
+    assert rows["mean of the training frames"]["flicker"] > 0  # what never moves is off by what moves
     assert rows["deform, 1 MB"]["flicker"] > 0 and rows["bake, 4 rays"]["flicker"] > 0
     text = deforming_table(result)
     assert all(f"| {name} |" in text for name in rows) and "bumps, 642 vertices" in text
+    assert "; the others 0." in text
     monkeypatch.setattr(pictures, "FRAMES", 3)
     monkeypatch.setattr(pictures, "SIZE", 48)
     files = tmp_path / "strip.png", tmp_path / "face.webp"
