@@ -103,7 +103,7 @@ def bake_rows(test: Frames, rows: slice, yardsticks: Sequence[Yardstick]) -> lis
 
 
 def fitted_models(
-    poses: TrainingPoses, sizes: Sequence[float] = MEGABYTES
+    poses: TrainingPoses, sizes: Sequence[float]
 ) -> Iterator[tuple[str, RunConfig, dict[str, Any], float]]:
     """Name, config, arrays and CPU seconds of the fit of `momo-prt`, and of `deform` cut to every size."""
     linear: Any = load_config("momo-prt")
@@ -125,7 +125,7 @@ def fitted_rows(
     test: Frames,
     yardstick: Yardstick,
     folder: Path,
-    sizes: Sequence[float] = MEGABYTES,
+    sizes: Sequence[float],
     told: str = "",
 ) -> list[dict[str, Any]]:
     """The rows of what is fitted in one piece, `told` behind their names; the last model stays in the folder."""
@@ -197,7 +197,7 @@ def main(
     whole, three = (Yardstick(test, along, ranges, bands) for bands in (BANDS, 3))
     work.mkdir(parents=True, exist_ok=True)
     bakes = bake_rows(test, split.test.rows, (whole, three))
-    rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(poses, test, whole, work)]
+    rows = [*floors(truth.coefficients(), test, whole), *fitted_rows(poses, test, whole, work, MEGABYTES)]
     found, seconds = more_rows(more, data, test, whole, work) if more else ([], 0.0)
     rows = [row | whole.against_bakes(row["relrmse"]) for row in rows + found] + other_rows(also, test, whole, three)
     arguments = {"frames": len(truth), "test_frames": len(test.meshes), "rays": rays, "test_rays": test_rays}
