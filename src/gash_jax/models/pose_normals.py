@@ -1,8 +1,8 @@
 """Normals of a pose on the device: those of `geometry.mesh.angle_weighted_normals` in one fused program.
 
 A scatter from faces to vertices, and XLA's arctan2, took half of the time, and kept the rest from being fused. So each
-vertex sums over its own corners, the first `CORNERS` of them from tables that are fixed with the faces, those of the few
-vertices that have more by a scatter; and an angle is a polynomial.
+vertex sums over its own corners, the first `CORNERS` of them from tables that are fixed with the faces, those of the
+few vertices that have more by a scatter; and an angle is a polynomial.
 """
 
 from typing import NamedTuple
