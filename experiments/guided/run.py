@@ -17,10 +17,9 @@ from experiments.neural_gash.evaluate import load_meshes
 from gash_jax.apps.progress import progress_bar
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.provenance import provenance
-from gash_jax.models.guided import GuidedBake
-from gash_jax.models.reconstruction import reconstruct, shipped_network
+from gash_jax.models.guided import GuidedBake, rebuild
 from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.few_rays import LARGEST_ROW, trace_up_to
+from gash_jax.prt.few_rays import LARGEST_ROW
 from gash_jax.prt.integrands import to_world
 from gash_jax.shapes.procedural import make_shape
 
@@ -33,10 +32,10 @@ def measure(mesh: Mesh, rays: int, seeds: int, reference: np.ndarray) -> dict[st
     """Mean square errors of the plain bake, of the rays of the guided bake, and of the guided bake; its score."""
     errors, scores = {"plain": 0.0, "own": 0.0, "guided": 0.0}, []
     for seed in range(seeds):
-        bake = GuidedBake(mesh, 3, min(rays, LARGEST_ROW), seed, "embree", [])
-        few, surface = bake.first(min(rays, LARGEST_ROW), None)
-        few = trace_up_to(few, np.full(len(bake.active), rays), bake.rows, bake.traced, bake.visible)
-        rebuilt, truth = reconstruct(shipped_network(), surface, few), reference[bake.active]
+        bake = GuidedBake(mesh, 3, min(rays, LARGEST_ROW), rays, seed, "embree", [])
+        few, surface = bake.first()
+        few = bake.add(few, np.full(len(bake.active), rays))
+        rebuilt, truth = rebuild(few, surface), reference[bake.active]
         own = np.asarray(to_world(few.local[:, None], bake.rows.frames))[:, 0]
         plain = bake_transfer(mesh, rays=rays, replicates=1, seed=1000 + seed).coefficients[bake.active]
         for name, found in (("plain", plain), ("own", own), ("guided", rebuilt.coefficients)):

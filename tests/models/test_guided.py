@@ -137,7 +137,7 @@ def test_the_order_of_vertices_is_kept() -> None:
 def test_blocks_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = bumpy_sphere(10)
     whole = bake_guided(mesh, rays=8)
-    monkeypatch.setattr("gash_jax.models.reconstruction.SMALL_BLOCK", 64)
+    monkeypatch.setattr("gash_jax.models.reconstruction.BLOCKS", ((64, None),))
     np.testing.assert_allclose(bake_guided(mesh, rays=8).coefficients, whole.coefficients, atol=1e-6)
 
 
@@ -148,7 +148,7 @@ def test_without_edges_it_is_the_rays() -> None:
     frames = np.repeat(np.eye(3, dtype=np.float32)[None], count, 0)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), count, 0)
     surface = make_surface(mesh.vertices, up, frames, np.zeros((0, 3), np.int32), np.arange(count))
-    few = FewRays(np.full(count, 8), np.full(count, 0.5, np.float32), local)
+    few = FewRays(np.full(count, 8), np.full(count, 0.5, np.float32), local, np.zeros(count, np.float32))
     np.testing.assert_allclose(reconstruct(shipped_network(), surface, few).coefficients, local, atol=1e-6)
 
 

@@ -64,6 +64,36 @@ def test_shifts_continue_the_lattice_of_the_vertex_before() -> None:
     assert np.abs((points - korobov(np.arange(32)) + 0.5) % 1 - 0.5).max() > 1e-3
 
 
+def test_lattices_that_grow_still_differ_between_neighbours() -> None:
+    """Four vertices with 8 rays first: once each has 32, they are the 128 points of one lattice."""
+    order = np.array([2, 0, 3, 1])
+
+    def points(later: int | None) -> np.ndarray:
+        """Those of all four with 32 rays each, relative to the first shift."""
+        shifts = continued_shifts(order, 8, seed=1, later=later)[order, 0].astype(np.float64)
+        return ((korobov(np.arange(32))[None] + (shifts - shifts[0])[:, None]).reshape(-1, 2) + 1e-6) % 1
+
+    whole = np.sort((korobov(np.arange(128))[:, 0] + 1e-6) % 1)
+    np.testing.assert_allclose(np.sort(points(32)[:, 0]), whole, atol=5e-7)
+    assert len(np.unique(np.round(points(None), 5), axis=0)) == 32  # else all four would have the same
+
+
+def test_halves_are_as_far_apart_as_they_are() -> None:
+    """The squared distance between the estimate of half of the rays and that of all, in three bands."""
+    rows = _rows()
+    few = trace_first(rows, 8, 4, _visible)
+    second = rows._replace(shifts=(rows.shifts + korobov(np.array([4])).astype(np.float32)) % 1)
+    halves = [
+        trace_rows(some, direct(4), 4, _visible, share=few.share, lattice="korobov")[0][:, 0] for some in (rows, second)
+    ]
+    np.testing.assert_allclose(few.local, (halves[0] + halves[1]) / 2, atol=1e-6)
+    np.testing.assert_allclose(few.halves, np.sum((halves[0] - few.local)[:, :9] ** 2, axis=1), rtol=1e-3, atol=1e-9)
+    part = trace_up_to(few, np.full(40, 16), rows, 4, _visible)
+    once = trace_up_to(part, np.full(40, 32), rows, 4, _visible)
+    np.testing.assert_allclose(once.halves, np.sum((once.local - part.local)[:, :9] ** 2, axis=1), rtol=1e-3, atol=1e-9)
+    assert not trace_first(rows, 4, 2, _visible).halves.any()
+
+
 def test_estimates_are_right_on_average() -> None:
     """z-test of the mean over seeds at all vertices, plain mean (share 0); a bake of many rays beside it."""
     mesh, seeds, rays = bumpy_sphere(6), 64, 8

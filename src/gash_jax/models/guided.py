@@ -16,12 +16,14 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from gash_jax.algebra.arguments import RealNumber, WholeNumber, whole_number
 from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
+from gash_jax.models.guided_error import corrected, corrections
 from gash_jax.models.guided_sample import expected_everywhere, make_sample
 from gash_jax.models.reconstruction import Rebuilt, Surface, make_surface, reconstruct, shipped_network
 from gash_jax.nn.reconstruction import COMPARED, LEAST
@@ -45,27 +47,30 @@ from gash_jax.prt.transfer import Transfer, make_metadata
 from gash_jax.prt.visibility import visibility
 
 # of the error asked for: what rays are to bring the mesh to, and what is enough in a part, which may be a little off
-AIM, ENOUGH = 0.92, 0.95
+AIM, ENOUGH = 0.95, 0.97
 # from this error on the pilot is enough for most meshes, and all has to be looked at anyhow
 PILOT_MAY_DO = 0.06
 # how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
 # for, less than with many
-FIRST_RATE, RATE = 1.15, 1.45
+FIRST_RATE, RATE = 1.3, 1.25
 MOST_DOUBLINGS = 3  # at a time: further ahead the expected errors do not see
 
 
 class GuidedBake:
-    """One bake: the scene, the rays so far, what was made of them."""
+    """One bake: the scene, the rays so far, what was made of them.
 
-    def __init__(self, mesh: Mesh, bands: int, rays: int, seed: int, backend: str, occluders: list[Mesh]):
-        self.mesh, self.bands, self.traced = mesh, bands, max(bands, COMPARED)
+    Every vertex first gets `first` rays; lattices of neighbours differ until they have grown to `last`.
+    """
+
+    def __init__(self, mesh: Mesh, bands: int, first: int, last: int, seed: int, backend: str, occluders: list[Mesh]):
+        self.mesh, self.bands, self.traced, self.first_rays = mesh, bands, max(bands, COMPARED), first
         self.started = time.perf_counter()
         scene = make_scene(mesh, None, occluders).receivers_alone()
         self.geometry = scene.geometry
         self.visible = visibility(*scene.geometry[:2], backend)
         places = scene.geometry.vertices[: len(mesh.vertices)]
         order = np.argsort(curve_codes(places, mesh.normals, 30), kind="stable")
-        shifts = continued_shifts(order, rays, seed)
+        shifts = continued_shifts(order, first, seed, last)
         self.active, self.rows = active_rows(mesh, scene.geometry, None, shifts)
         number = np.full(len(order), -1)
         number[self.active] = np.arange(len(self.active))
@@ -77,15 +82,20 @@ class GuidedBake:
         """No rays and zeros, for a mesh without a normal."""
         count, k = len(self.active), self.traced**2
         zeros = np.zeros((count, k), np.float32)
-        return FewRays(np.zeros(count, np.int64), np.zeros(count, np.float32), zeros), Rebuilt(zeros, zeros)
+        none = np.zeros(count, np.float32)
+        return FewRays(np.zeros(count, np.int64), none, zeros, none), Rebuilt(zeros, zeros)
 
-    def first(self, rays: int, progress: ProgressFn | None) -> tuple[FewRays, Surface]:
+    def first(self, progress: ProgressFn | None = None) -> tuple[FewRays, Surface]:
         """The first rays; the table of edges is made meanwhile."""
         arguments = self.places, self.mesh.normals, self.rows.frames, self.mesh.faces, self.active
         with ThreadPoolExecutor(1) as beside:
             surface = beside.submit(make_surface, *arguments)
-            few = trace_first(self.rows, rays, self.traced, self.visible, progress)
+            few = trace_first(self.rows, self.first_rays, self.traced, self.visible, progress)
             return few, surface.result()
+
+    def add(self, few: FewRays, wanted: Int[np.ndarray, "a"]) -> FewRays:
+        """Rays so that each vertex has as many as it wants."""
+        return trace_up_to(few, wanted, self.rows, self.traced, self.visible)
 
     def transfer(
         self, few: FewRays, rebuilt: Rebuilt, method: str, parameters: dict[str, Any], **entries: Any
@@ -112,6 +122,11 @@ class GuidedBake:
         return Transfer(coefficients, None, *self.mesh, metadata, errors)
 
 
+def rebuild(few: FewRays, surface: Surface) -> Rebuilt:
+    """What the network that ships makes of the rays, with the error that is expected once their halves are seen."""
+    return corrected(reconstruct(shipped_network(), surface, few), few)
+
+
 def bake_guided(
     mesh: MeshLike,
     bands: WholeNumber = 3,
@@ -135,12 +150,12 @@ def bake_guided(
     """
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     rays = check_few_rays(rays)
-    bake = GuidedBake(mesh, bands, min(rays, LARGEST_ROW), seed, backend, as_occluders(occluders))
+    bake = GuidedBake(mesh, bands, min(rays, LARGEST_ROW), rays, seed, backend, as_occluders(occluders))
     few, rebuilt = bake.nothing()
     if len(bake.active):
-        few, surface = bake.first(min(rays, LARGEST_ROW), progress)
-        few = trace_up_to(few, np.full(len(bake.active), rays), bake.rows, bake.traced, bake.visible)
-        rebuilt = reconstruct(shipped_network(), surface, few)
+        few, surface = bake.first(progress)
+        few = bake.add(few, np.full(len(bake.active), rays))
+        rebuilt = rebuild(few, surface)
     return bake.transfer(few, rebuilt, "guided bake", {"rays": rays, "seed": seed, "backend": backend})
 
 
@@ -180,7 +195,8 @@ def bake_to_error(
         return error_target.bake_to_error(mesh, error, bands, **scene, seed=seed, backend=backend, progress=progress)
     mesh, bands, seed = as_mesh(mesh), validate_bands(bands), whole_number(seed, "seed", 0)
     error, blockers = check_error(error), as_occluders(occluders)
-    bake = GuidedBake(mesh, bands, PILOT, seed, backend, blockers)
+    last = PILOT if error >= PILOT_MAY_DO else LARGEST_ROW
+    bake = GuidedBake(mesh, bands, PILOT, last, seed, backend, blockers)
     few, rebuilt = bake.nothing()
     report: dict[str, Any] = {"rounds": [], "estimated_error": 0.0}
     if len(bake.active):
@@ -192,7 +208,7 @@ def bake_to_error(
 
 def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tuple[FewRays, Rebuilt, dict[str, Any]]:
     """Trace until the expected relative error is at most `error`; also what there is to say about it."""
-    few, surface = bake.first(PILOT, None)
+    few, surface = bake.first()
     rounds = [{"vertices": len(few.rays), "rays": int(few.rays.sum())}]
     if not few.share.any():  # zero is the formula, and no error is small beside it
         return few, bake.nothing()[1], {"rounds": rounds, "estimated_error": 0.0}
@@ -202,8 +218,9 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     while rebuilt is None:
         if sample is not None:
             variance, energy = expected_everywhere(network, sample, surface, few, k)
+            variance *= corrections(few)
         else:
-            rebuilt = reconstruct(network, surface, few)
+            rebuilt = rebuild(few, surface)
             # without the least that the network says, which no ray lowers
             variance = np.maximum(rebuilt.variance[:, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
             energy = float(np.sum(rebuilt.coefficients[:, :k].astype(np.float64) ** 2))
@@ -214,7 +231,7 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
             if progress:
                 progress(int(few.rays.sum()), int(wanted.sum()))
             rounds.append({"vertices": int(chosen.sum()), "rays": int((wanted - few.rays).sum())})
-            few, rebuilt = trace_up_to(few, wanted, bake.rows, bake.traced, bake.visible), None
+            few, rebuilt = bake.add(few, wanted), None
     if progress:
         progress(int(few.rays.sum()), int(few.rays.sum()))
     estimated = float(np.sqrt(variance.sum() / energy)) if energy > 0 else 0.0

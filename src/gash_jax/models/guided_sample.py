@@ -64,7 +64,7 @@ def expected_everywhere(
     All vertices have as many rays.
     """
     index, asked = sample.vertices, sample.asked
-    rebuilt = reconstruct(network, sample.surface, FewRays(few.rays[index], few.share[index], few.local[index]))
+    rebuilt = reconstruct(network, sample.surface, few.take(index))
     known = np.maximum(rebuilt.variance[asked, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
     features, chosen = _features(surface, few), index[asked]
     weights = np.linalg.lstsq(features[chosen], np.log(np.maximum(known, SMALLEST)), rcond=None)[0]

@@ -1,9 +1,11 @@
 """Few-ray estimates of a whole mesh through the network of `nn.reconstruction`.
 
 Vertices are worked off in blocks by threads, gathered on the host: one compiled program then serves meshes of all
-sizes, and a block stays in the cache.
+sizes, and a block stays in the cache. Where nothing is hidden around a vertex there is nothing to do: on many meshes
+that is a third to two thirds of the vertices.
 """
 
+from collections.abc import Callable
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
@@ -20,13 +22,22 @@ from gash_jax.algebra.sh import bands_of, sh_components
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.npz import read_npz
 from gash_jax.graph.edge_table import edge_table
-from gash_jax.nn.reconstruction import Around, Reconstruction, Seen, bands_used, edge_features, reference_noise
+from gash_jax.nn.reconstruction import (
+    Around,
+    Reconstruction,
+    Seen,
+    bands_used,
+    edge_features,
+    reference_noise,
+    rough_variance,
+)
 from gash_jax.prt.few_rays import FewRays
 from gash_jax.prt.tracing import in_threads
 
 WEIGHTS = Path(str(resources.files("gash_jax"))) / "weights" / "reconstruction" / "guided.npz"
-SMALL_BLOCK, BLOCK = 1024, 4096  # vertices of a block, of meshes of up to FEW vertices and of larger ones
-FEW = 16384
+# vertices of a block, and up to how many vertices it is so small: few blocks leave a core idle, small ones take longer
+BLOCKS = ((1024, 4096), (2048, 16384), (4096, None))
+QUIET_STEP = 32  # of the vertices that have nothing hidden around them one in so many is looked at
 PLACE, NORMAL, RAYS, SHARE, RESIDUAL = slice(0, 3), slice(3, 6), 6, 7, slice(8, None)
 
 
@@ -125,37 +136,63 @@ def _look_again(module: Reconstruction, k: int, params: Any, own: Array, near: A
     return jnp.concatenate(found)
 
 
+def _around_hidden(surface: Surface, share: Float[np.ndarray, "a"]) -> Bool[np.ndarray, "a"]:
+    """Vertices with something hidden from them or from one within two edges; passes leave the others as they are."""
+    near = share < 1
+    for _ in range(2):
+        near = _and_neighbours(near, surface)
+    return near
+
+
+def _and_neighbours(chosen: Bool[np.ndarray, "a"], surface: Surface) -> Bool[np.ndarray, "a"]:
+    return chosen | chosen[surface.table].any(axis=0)  # a blank of the table is the vertex itself
+
+
 def reconstruct(network: Network, surface: Surface, few: FewRays) -> Rebuilt:
     """Coefficients of a mesh of which every active vertex has some rays; of at least three bands."""
     module, params = network
     count, k = few.local.shape
     used = min(module.bands, bands_of(k))
-    size = SMALL_BLOCK if count <= FEW else BLOCK
-    blocks = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     rows = np.empty((RESIDUAL.start + k, count), np.float32)
     rows[PLACE], rows[NORMAL], rows[RAYS], rows[SHARE] = surface.places.T, surface.normals.T, few.rays, few.share
-    once, twice = np.empty((k + used + 2, count), np.float32), np.empty((k + used, count), np.float32)
+    rows[RESIDUAL] = 0  # as it is where all rays are free
+    law = rough_variance(rows[RAYS], rows[SHARE])
+    once = np.concatenate([rows[RESIDUAL], np.broadcast_to(law, (used, count)), rows[[RAYS, SHARE]]])
+    twice = np.zeros((k + used, count), np.float32)
+    changes = _around_hidden(surface, few.share)
+    quiet = np.flatnonzero(~changes)
+    asked = changes.copy()
+    asked[quiet[::QUIET_STEP]] = True  # the error that is expected of them serves for all such
+    hidden, chosen = np.flatnonzero(few.share < 1), np.flatnonzero(_and_neighbours(asked, surface))
+    size = next(size for size, most in BLOCKS if most is None or len(chosen) <= most)
     arounds: dict[int, Around] = {}
 
-    def of(own: slice, array: np.ndarray, axis: int = -1) -> np.ndarray:
-        """The part of a block; the last block is filled up with its last vertex."""
-        index = own if own.stop - own.start == size else np.minimum(np.arange(own.start, own.start + size), count - 1)
-        return array[index] if axis == 0 else array[..., index]
+    def in_blocks(index: np.ndarray, work: Callable[[int, np.ndarray], Any], results: np.ndarray) -> None:
+        """Write what `work` makes of blocks of vertices; the last block is filled up with its last vertex."""
 
-    def prepare(own: slice) -> None:
-        found = _residuals(of(own, few.local, 0), of(own, surface.frames, 0))
-        rows[RESIDUAL, own] = np.asarray(found)[:, : own.stop - own.start]
+        def of_block(start: int) -> None:
+            own = index[start : start + size]
+            results[:, own] = np.asarray(work(start, np.pad(own, (0, size - len(own)), "edge")))[:, : len(own)]
 
-    def look(own: slice) -> None:
-        near = np.take(rows, of(own, surface.table), axis=1)
-        found, arounds[own.start] = _look(module, params, of(own, rows), near, of(own, surface.found))
-        once[:, own] = np.asarray(found)[:, : own.stop - own.start]
+        in_threads(of_block, range(0, len(index), size))
 
-    def look_again(own: slice) -> None:
-        near = np.take(once, of(own, surface.table), axis=1)
-        found = _look_again(module, k, params, of(own, once), near, arounds[own.start])
-        twice[:, own] = np.asarray(found)[:, : own.stop - own.start]
+    def residuals(_: int, own: np.ndarray) -> Array:
+        return _residuals(few.local[own], surface.frames[own])
 
-    for work in (prepare, look, look_again):
-        in_threads(work, blocks)
+    def look(start: int, own: np.ndarray) -> Array:
+        near = np.take(rows, surface.table[:, own], axis=1)
+        found, arounds[start] = _look(module, params, rows[:, own], near, surface.found[:, own])
+        return found
+
+    def look_again(start: int, own: np.ndarray) -> Array:
+        near = np.take(once, surface.table[:, own], axis=1)
+        return _look_again(module, k, params, once[:, own], near, arounds[start])
+
+    in_blocks(hidden, residuals, rows[RESIDUAL])
+    in_blocks(chosen, look, once)
+    in_blocks(chosen, look_again, twice)
+    if len(quiet):
+        some = quiet[::QUIET_STEP]
+        twice[:k, quiet] = 0
+        twice[k:, quiet] = (twice[k:, some] / law[some]).mean(axis=1, keepdims=True) * law[quiet]
     return Rebuilt(twice[:k].T + surface.unshadowed(bands_of(k)), twice[k:].T[:, bands_used(k, used)])

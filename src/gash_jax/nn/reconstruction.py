@@ -16,7 +16,7 @@ rays weights go to the vertex itself, and the result to the bake.
 Last the network says what error it expects to be left: `variance`, the mean square of one coefficient of each band.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -48,12 +48,14 @@ class Around(NamedTuple):
     found: Bool[Array, "m v"]
 
 
-def reference_noise(
-    rays: Float[Array, "*v"], share: Float[Array, "*v"], bands: int, scale: float = 0.06
-) -> Float[Array, "b *v"]:
+def reference_noise(rays: Float[Array, "*v"], share: Float[Array, "*v"], bands: int) -> Float[Array, "b *v"]:
     """Rough variance of one coefficient of an estimate by `rays` lattice points of which `share` are free."""
-    partly = share * (1 - share) + 0.05 / (rays + 2)
-    return jnp.broadcast_to((scale * partly / (rays * jnp.sqrt(rays)))[None], (bands, *rays.shape))
+    return jnp.broadcast_to(rough_variance(rays, share)[None], (bands, *rays.shape))
+
+
+def rough_variance(rays: Any, share: Any) -> Any:
+    """The law of `reference_noise`, of NumPy's arrays or JAX's."""
+    return 0.06 * (share * (1 - share) + 0.05 / (rays + 2)) / rays**1.5
 
 
 def edge_features(

@@ -1,0 +1,107 @@
+"""How the halves of the rays tell what a guided bake is off by: the constants of `models.guided_error`.
+
+    .venv/bin/python -m experiments.guided.calibrate --output experiments/guided/calibration.json
+
+On generated shapes that the network was not trained on, rays are doubled from 8 on. At each number of rays, `worth` is
+the squared error of the rays' own estimates over that of their halves; the *noise ratio* of a mesh is that squared
+error, as its halves tell it, over the law that the network counts in. `power` and `level` are those of a line through
+log(squared error of the guided bake / expected) against log(noise ratio), one point for each shape.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks.options import options, saved
+from gash_jax.apps.progress import progress_bar
+from gash_jax.measure.provenance import provenance
+from gash_jax.models.guided import GuidedBake
+from gash_jax.models.reconstruction import reconstruct, shipped_network
+from gash_jax.nn.reconstruction import rough_variance
+from gash_jax.prt.allocation import PILOT
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.few_rays import HALVES, LARGEST_ROW
+from gash_jax.prt.integrands import to_world
+from gash_jax.shapes.procedural import make_shape
+
+SEED, SHAPES, COARSE, FINE = 67, 64, (1000, 3000), (3000, 8000)
+DOUBLINGS, REFERENCE = 7, 4096
+
+
+def measure(index: int, seed: int, reference: int, doublings: int, sizes: tuple[int, int]) -> list[dict[str, Any]]:
+    """One shape at all numbers of rays."""
+    kind, mesh = make_shape(seed, index, sizes)
+    baked = bake_transfer(mesh, rays=reference, seed=seed)
+    assert baked.standard_error is not None
+    bake = GuidedBake(mesh, 3, PILOT, LARGEST_ROW, index, "embree", [])
+    truth = baked.coefficients[bake.active]
+    doubt = float(np.sum(baked.standard_error[bake.active].astype(np.float64) ** 2))
+    few, surface = bake.first()
+    rows = []
+    for step in range(doublings + 1):
+        few = bake.add(few, np.full(len(few.rays), PILOT << step))
+        rebuilt = reconstruct(shipped_network(), surface, few)
+        own = np.asarray(to_world(jnp.asarray(few.local[:, None]), bake.rows.frames))[:, 0]
+        rows.append(
+            {
+                "shape": f"{index} {kind}",
+                "rays": PILOT << step,
+                "guided": float(np.sum((rebuilt.coefficients - truth).astype(np.float64) ** 2)) - doubt,
+                "expected": float(rebuilt.variance.sum(dtype=np.float64)),
+                "own": float(np.sum((own - truth).astype(np.float64) ** 2)) - doubt,
+                "halves": float(few.halves.sum(dtype=np.float64)),
+                "law": float(HALVES * rough_variance(few.rays.astype(np.float64), few.share).sum()),
+                "doubt": doubt,
+            }
+        )
+    return rows
+
+
+def fit(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
+    """The constants for each number of rays, of shapes whose reference is good enough there."""
+    found = []
+    for rays in sorted({row["rays"] for row in rows}):
+        held = [r for r in rows if r["rays"] == rays and min(r["guided"], r["own"]) > 2 * r["doubt"]]
+        held = [r for r in held if r["expected"] > 0 and r["guided"] > 1e-7]
+        worth = float(np.median([r["own"] / r["halves"] for r in held]))
+        ratio = np.log([worth * r["halves"] / r["law"] for r in held])
+        off = np.log([r["guided"] / r["expected"] for r in held])
+        power, level = np.polyfit(ratio, off, 1)
+        left = off - power * ratio - level
+        found.append(
+            {
+                "rays": rays,
+                "shapes": len(held),
+                "worth": worth,
+                "power": float(power),
+                "level": float(level),
+                "spread_before": float(np.std(off) / 2),
+                "spread_after": float(np.std(left) / 2),
+            }
+        )
+    return found
+
+
+def main(output: Path | None, quick: bool) -> dict[str, Any]:
+    shapes, doublings = (8, 2) if quick else (SHAPES, DOUBLINGS)
+    rows: list[dict[str, Any]] = []
+    with progress_bar(f"{shapes} shapes") as update:
+        for index in range(shapes):
+            sizes = (300, 600) if quick else COARSE if index % 2 else FINE
+            rows += measure(index, SEED, 256 if quick else REFERENCE, doublings, sizes)
+            update(index + 1, shapes)
+    results = {**provenance(seed=SEED), "levels": fit(rows), "rows": rows}
+    saved(output, results)
+    for level in results["levels"]:
+        print(
+            f"{level['rays']:5d} rays, {level['shapes']} shapes: worth {level['worth']:.3f}, "
+            f"power {level['power']:.2f}, level {level['level']:+.2f}; logarithm of error over expected spreads by "
+            f"{level['spread_after']:.3f} (not corrected: {level['spread_before']:.3f})"
+        )
+    return results
+
+
+if __name__ == "__main__":
+    main(**options(__doc__, "output", "quick"))

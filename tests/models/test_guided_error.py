@@ -1,0 +1,84 @@
+"""The error that a guided bake expects, corrected by the halves of its rays."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gash_jax.models.guided import GuidedBake, bake_guided
+from gash_jax.models.guided_error import FEWEST, LARGEST_RATIO, LEVELS, corrected, noise_ratio
+from gash_jax.models.reconstruction import Rebuilt
+from gash_jax.nn.reconstruction import rough_variance
+from gash_jax.prt.allocation import PILOT
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.few_rays import HALVES, FewRays
+from gash_jax.shapes.procedural import make_shape
+
+
+def _few(ratio: float, count: int = 1000, seed: int = 0) -> FewRays:
+    """Rays whose squared error is `ratio` times the law's, seen by halves of which each says little."""
+    rng = np.random.default_rng(seed)
+    level = rng.integers(0, 4, count)
+    rays, share = PILOT << level, rng.uniform(0.1, 0.9, count).astype(np.float32)
+    worth = np.array([entry.worth for entry in LEVELS])[level]
+    halves = ratio * HALVES * rough_variance(rays.astype(float), share) / worth * rng.chisquare(4, count) / 4
+    return FewRays(rays, share, np.zeros((count, 9), np.float32), halves.astype(np.float32))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 3.0])
+def test_the_ratio_is_that_of_the_rays(ratio: float) -> None:
+    found = [noise_ratio(_few(ratio, seed=seed)) for seed in range(20)]
+    assert np.mean([value or 0 for value in found]) == pytest.approx(ratio, rel=0.05)
+
+
+def test_a_worked_example() -> None:
+    """Of 16 rays half of which are free the law says 0.06 (0.25 + 0.05 / 18) / 64; halves of twice that over worth."""
+    law = 9 * 0.06 * (0.25 + 0.05 / 18) / 64
+    count = FEWEST
+    halves = np.full(count, 2 * law / LEVELS[1].worth, np.float32)
+    few = FewRays(np.full(count, 16), np.full(count, 0.5, np.float32), np.zeros((count, 9), np.float32), halves)
+    assert noise_ratio(few) == pytest.approx(2, rel=1e-5)
+    once = np.ones((count, 9), np.float32)
+    factor = np.exp(LEVELS[1].level) * 2 ** LEVELS[1].power
+    np.testing.assert_allclose(corrected(Rebuilt(once, once), few).variance, factor, rtol=1e-5)
+    np.testing.assert_array_equal(corrected(Rebuilt(once, once), few).coefficients, once)
+
+
+def test_it_is_left_alone_where_little_is_known_and_never_far_off() -> None:
+    few = _few(2.0, FEWEST - 1)
+    assert noise_ratio(few) is None
+    once = Rebuilt(np.ones((len(few.rays), 9), np.float32), np.ones((len(few.rays), 9), np.float32))
+    np.testing.assert_array_equal(corrected(once, few).variance, once.variance)
+    assert noise_ratio(_few(100.0)) == LARGEST_RATIO
+    assert noise_ratio(_few(1e-4)) == 1 / LARGEST_RATIO
+
+
+def test_the_constants_are_those_of_the_experiment() -> None:
+    path = Path(__file__).parents[2] / "experiments" / "guided" / "calibration.json"
+    levels = json.loads(path.read_text(encoding="utf-8"))["levels"]
+    assert [level["rays"] for level in levels] == [PILOT << step for step in range(len(LEVELS))]
+    for name in LEVELS[0]._fields:
+        np.testing.assert_allclose(
+            [getattr(level, name) for level in LEVELS], [level[name] for level in levels], atol=0.006
+        )
+    assert all(level["spread_after"] < level["spread_before"] for level in levels)
+
+
+@pytest.mark.parametrize("rays", [16, 64])
+def test_error_over_expected_error_is_about_1_on_every_mesh(rays: int) -> None:
+    for index in range(6):
+        mesh = make_shape(71, index, (3000, 4000))[1]
+        baked, reference = bake_guided(mesh, rays=rays, seed=1), bake_transfer(mesh, rays=4096, seed=9)
+        assert baked.predicted_error is not None and reference.standard_error is not None
+        left = np.sum((baked.coefficients - reference.coefficients) ** 2) - np.sum(reference.standard_error**2)
+        assert 0.75 < np.sqrt(left / np.sum(baked.predicted_error**2)) < 1.3
+
+
+def test_halves_are_of_the_rays_and_not_of_their_order() -> None:
+    """A bake that doubles its rays has as far apart halves, on average, as one that has them at once."""
+    mesh = make_shape(71, 0, (3000, 4000))[1]
+    bake = GuidedBake(mesh, 3, 16, 32, 0, "embree", [])
+    doubled = bake.add(bake.first()[0], np.full(len(bake.active), 32))
+    at_once = GuidedBake(mesh, 3, 32, 32, 1, "embree", []).first()[0]
+    assert np.sum(doubled.halves) == pytest.approx(np.sum(at_once.halves), rel=0.15)
