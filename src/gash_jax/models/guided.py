@@ -23,7 +23,7 @@ from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
-from gash_jax.models.guided_error import corrected, corrections
+from gash_jax.models.guided_error import corrected, corrections, noise_left
 from gash_jax.models.guided_sample import expected_everywhere, make_sample
 from gash_jax.models.reconstruction import Rebuilt, Surface, make_surface, reconstruct, shipped_network
 from gash_jax.nn.reconstruction import COMPARED, LEAST
@@ -50,9 +50,9 @@ from gash_jax.prt.visibility import visibility
 AIM, ENOUGH = 0.95, 0.97
 # from this error on the pilot is enough for most meshes, and all has to be looked at anyhow
 PILOT_MAY_DO = 0.06
-# how expected mean square errors fall with the rays of a vertex, as N^-RATE: with few rays, which neighbours make up
-# for, less than with many
-FIRST_RATE, RATE = 1.3, 1.25
+# how expected mean square errors fall with the rays of a vertex, as N^-rate: from the pilot on; where neighbours make
+# up for all noise, and what is added to that where they make up for none
+FIRST_RATE, RATE, RATE_OF_RAYS = 1.3, 1.1, 0.35
 MOST_DOUBLINGS = 3  # at a time: further ahead the expected errors do not see
 
 
@@ -225,7 +225,8 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
             variance = np.maximum(rebuilt.variance[:, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
             energy = float(np.sum(rebuilt.coefficients[:, :k].astype(np.float64) ** 2))
         enough = variance.sum() <= ((1.0 if sample is None else ENOUGH) * error) ** 2 * energy
-        wanted = few.rays if enough else _wanted(few, variance, (AIM * error) ** 2 * energy, len(rounds) == 1)
+        rate = FIRST_RATE if len(rounds) == 1 else RATE + RATE_OF_RAYS * noise_left(few, variance, k)
+        wanted = few.rays if enough else _wanted(few, variance, (AIM * error) ** 2 * energy, rate)
         chosen, sample = wanted > few.rays, None
         if chosen.any():
             if progress:
@@ -238,7 +239,7 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     return few, rebuilt, {"rounds": rounds, "estimated_error": estimated}
 
 
-def _wanted(few: FewRays, variance: np.ndarray, budget: float, first: bool) -> np.ndarray:
+def _wanted(few: FewRays, variance: np.ndarray, budget: float, rate: float) -> np.ndarray:
     """Rays of each vertex with which the variances are expected to meet a budget, as far ahead as can be seen."""
-    wanted = choose_rays(few.rays, variance, budget, FIRST_RATE if first else RATE)
+    wanted = choose_rays(few.rays, variance, budget, rate)
     return np.minimum(wanted, np.minimum(few.rays << MOST_DOUBLINGS, MOST_RAYS))

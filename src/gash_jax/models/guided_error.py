@@ -74,3 +74,9 @@ def corrections(few: FewRays) -> Float[np.ndarray, "a"]:
 def corrected(rebuilt: Rebuilt, few: FewRays) -> Rebuilt:
     """What was rebuilt, with the error that is expected corrected."""
     return rebuilt._replace(variance=rebuilt.variance * corrections(few)[:, None])
+
+
+def noise_left(few: FewRays, variance: Float[np.ndarray, "a"], k: int) -> float:
+    """Squared error that is expected of k coefficients over that of the rays alone, of the whole mesh; at most 1."""
+    law = k * float(rough_variance(few.rays.astype(np.float64), few.share).sum())
+    return min(float(variance.sum()) / ((noise_ratio(few) or 1.0) * law), 1.0)
