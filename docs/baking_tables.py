@@ -41,6 +41,23 @@ def guided_table(result: dict[str, Any]) -> str:
     return f"{table(header, rows)}\n\n{result['seeds']} seeds; {origin(result)}."
 
 
+def guided_error_table(result: dict[str, Any]) -> str:
+    """What the halves of the rays are worth, and how far error over expected error lies apart between shapes."""
+    header = ["rays", "shapes", "worth of the halves", "power", "level", "spread before", "after"]
+    rows = [
+        [
+            str(level["rays"]),
+            str(level["shapes"]),
+            f"{level['worth']:.2f}",
+            f"{level['power']:.2f}",
+            f"{level['level']:.2f}",
+            *(f"{np.expm1(level[name]):.0%}" for name in ("spread_before", "spread_after")),
+        ]
+        for level in result["levels"]
+    ]
+    return f"{table(header, rows)}\n\n{origin(result)}."
+
+
 def guided_meshes_table(result: dict[str, Any]) -> str:
     """The guided bake on every mesh, its smallest number of rays and its largest."""
     counts = sorted({row["rays"] for row in result["rows"]})

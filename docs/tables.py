@@ -95,6 +95,7 @@ class Table(NamedTuple):
 
 
 GUIDED = "../../experiments/guided/results.json"
+GUIDED_ERROR = "../../experiments/guided/calibration.json"
 ROTATION = "../../experiments/rotation/results.json"
 TABLES = (
     Table("README.md", "FRONTIER", frontier_tables.frontier_table, "frontier.json"),
@@ -103,6 +104,7 @@ TABLES = (
     Table("README.md", "CORPUS", corpus_table, "corpus_sizes.json"),
     Table("docs/baking.md", "CALIBRATION", baking_tables.calibration_table, "calibration.json"),
     Table("docs/baking.md", "GUIDED", baking_tables.guided_table, GUIDED),
+    Table("docs/baking.md", "GUIDED ERROR", baking_tables.guided_error_table, GUIDED_ERROR),
     Table("docs/baking.md", "GUIDED BY MESH", baking_tables.guided_meshes_table, GUIDED),
     Table("docs/baking.md", "ERROR TARGET", baking_tables.error_target_table, "error_target.json"),
     Table("docs/baking.md", "TARGETS", frontier_tables.targets_table, "frontier.json"),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.guided import examples, run, train
+from experiments.guided import calibrate, examples, run, train
 from gash_jax.files.npz import read_npz
 from gash_jax.models.reconstruction import load_network
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -41,3 +41,22 @@ def test_evaluation_runs(tmp_path: Path) -> None:
     assert len(results["rows"]) >= 1 and (tmp_path / "results.json").exists()
     for row in results["rows"]:
         assert row["guided"] < row["own"] * 1.1 and row["own"] < row["plain"] * 1.2 and 0.3 < row["score"] < 3
+
+
+def test_calibration_runs(tmp_path: Path) -> None:
+    results = calibrate.main(tmp_path / "results.json", quick=True)
+    assert [level["rays"] for level in results["levels"]] == [8, 16, 32] and (tmp_path / "results.json").exists()
+
+
+def test_a_calibration_finds_the_line_that_is_there() -> None:
+    """Halves worth 0.4, errors e^-0.3 ratio^0.7 of those expected; a shape with a poor reference is left out."""
+    rows = [
+        {"shape": str(i), "rays": 16, "law": 1.0, "own": r, "halves": r / 0.4, "expected": 0.5, "doubt": 1e-4}
+        | {"guided": 0.5 * np.exp(-0.3) * r**0.7}
+        for i, r in enumerate(np.geomspace(0.5, 2, 9))
+    ]
+    rows.append({**rows[0], "shape": "poor", "guided": 10.0, "doubt": 9.0})
+    (level,) = calibrate.fit(rows)
+    assert level["shapes"] == 9
+    found = [level[name] for name in ("worth", "power", "level", "spread_after")]
+    np.testing.assert_allclose(found, [0.4, 0.7, -0.3, 0], atol=1e-6)
