@@ -199,7 +199,7 @@ class VersorNet(nn.Module):
         x = layer(name="first")(*edges, None)
         for i in range(self.layers):
             x = layer(name=f"layer_{i}")(*edges, x)
-        h = nn.relu(nn.Dense(8 * self.channels, name="hidden")(_blades(_normalised(x))))
+        h = nn.silu(nn.Dense(8 * self.channels, name="hidden")(_blades(_normalised(x))))
         residual = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init(), name="head")(h)
         world = rotate_coefficients(residual, nodes["frame"])
         return unshadowed_transfer(nodes["normal"], self.bands) + zero_without_normal(world, nodes["normal"])

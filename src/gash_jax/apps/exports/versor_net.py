@@ -24,7 +24,8 @@ def write_versor_net(g: Graph, config: Any) -> Value:
     x = _layer(g, "first", config, squares, None)
     for i in range(config.layers):
         x = _layer(g, f"layer_{i}", config, squares, x)
-    residual = dense(g, "head", dense(g, "hidden", _blades(_normalised(x))).apply("Relu"))
+    h = dense(g, "hidden", _blades(_normalised(x)))
+    residual = dense(g, "head", h * h.apply("Sigmoid"))
     world = zero_without_normal(g, rotate_coefficients(g, residual, frame(g), config.bands), normal(g))
     return unshadowed_transfer(g, normal(g), config.bands) + world
 
