@@ -53,6 +53,12 @@ def seed_differences(result: dict[str, Any], form: str, encoding: str, unseen: b
     return interval(gain) if gain.size else "-"
 
 
+def mean_skill(result: dict[str, Any], form: str, encoding: str) -> str:
+    """The skill on generated shapes with its interval over seeds; - without runs."""
+    cell = _cells(result).get((form, encoding), {})
+    return interval(np.array([_shown_skill(row) for row in cell.values()])) if cell else "-"
+
+
 def encodings(result: dict[str, Any]) -> str:
     """A row for each form and encoding: skills with intervals over seeds, and the difference to position and normal.
 
