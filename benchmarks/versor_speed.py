@@ -76,11 +76,12 @@ def main(output: Path | None, quick: bool) -> dict[str, Any]:
     graph, network = jax.tree.map(jnp.asarray, model_graph(config, mesh)), build_versor_net(config)
     params = jax.jit(network.init)(jax.random.key(0), graph)["params"]
     params["head"]["kernel"] = 0.1 * jax.random.normal(jax.random.key(1), params["head"]["kernel"].shape)
+    variables: Any = {"params": params}
     runs, found = {}, {}
     for way, algebra in WAYS.items():
         for block in BLOCKS[:1] if quick else BLOCKS:
-            apply, _ = compiled(network.clone(algebra=algebra, block=block).apply, {"params": params}, graph)
-            runs[f"{way} {block}"] = lambda apply=apply: apply({"params": params}, graph)
+            apply, _ = compiled(network.clone(algebra=algebra, block=block).apply, variables, graph)
+            runs[f"{way} {block}"] = lambda apply=apply: apply(variables, graph)
             found[way] = np.asarray(runs[f"{way} {block}"]())
     medians, rows = in_turn(runs, 1 if quick else REPEATS), []
     for way in WAYS:

@@ -93,7 +93,7 @@ def _xor() -> np.ndarray:
 
 def test_a_quarter_turn_by_hand() -> None:
     """The rotor exp(-pi/4 e12) turns e1 to e2, so e1 I = e23+- to e2 I = -e13+-, and e13 to e23; it leaves e12."""
-    quarter = jnp.zeros(10).at[list(even.BIVECTORS).index(PLACE[cga.E12])].set(-np.pi / 2)
+    quarter = jnp.zeros(10).at[even.BIVECTORS.tolist().index(PLACE[cga.E12])].set(-np.pi / 2)
     action = np.asarray(even.rotor_actions(quarter))
     both = cga.EP | cga.EM
     for blade, image, sign in (

@@ -99,7 +99,7 @@ def test_blocks_change_nothing() -> None:
 def test_a_layer_of_versors_by_hand() -> None:
     """exp(-pi/4 e12) turns e1 I = e23+- to e2 I = -e13+-; times its weight 2, with the bias 0.5 on the scalar."""
     bivectors = np.zeros((1, 1, 10), np.float32)
-    bivectors[..., list(BIVECTORS).index(PLACE[cga.E12])] = -np.pi / 2
+    bivectors[..., BIVECTORS.tolist().index(PLACE[cga.E12])] = -np.pi / 2
     bias = np.zeros((16, 1), np.float32)
     bias[PLACE[cga.SCALAR]] = 0.5
     params = {"bivectors": bivectors, "weights": np.full((1, 1), 2.0, np.float32), "bias": bias}
@@ -107,7 +107,8 @@ def test_a_layer_of_versors_by_hand() -> None:
     x = jnp.zeros((1, 16, 1)).at[0, PLACE[cga.E23 | both], 0].set(1.0)
     expected = np.zeros((1, 16, 1))
     expected[0, PLACE[cga.E13 | both]], expected[0, PLACE[cga.SCALAR]] = -2.0, 0.5
-    np.testing.assert_allclose(VersorLinear(1).apply({"params": params}, x), expected, atol=5e-6)
+    found: Any = VersorLinear(1).apply({"params": params}, x)
+    np.testing.assert_allclose(found, expected, atol=5e-6)
 
 
 def test_motors_act_by_hand() -> None:
@@ -120,7 +121,7 @@ def test_motors_act_by_hand() -> None:
     still[PLACE[cga.E23 | both]] = 1.0
     params = {"still": still, "key": np.zeros((36, 1), np.float32), "bias": np.zeros(1, np.float32)}
     table = jnp.zeros((1, 2), jnp.int32)
-    found = MotorAction(1).apply({"params": params}, motors, motor_squares(motors), table, None)
+    found: Any = MotorAction(1).apply({"params": params}, motors, motor_squares(motors), table, None)
     expected = np.zeros((1, 16, 1))
     expected[0, PLACE[cga.E23 | both]], expected[0, PLACE[cga.E13 | both]] = 0.25, -0.25
     np.testing.assert_allclose(found, expected, atol=5e-6)

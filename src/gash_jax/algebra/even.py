@@ -86,9 +86,9 @@ def _exponential(matrices: Float[Array, "*n 16 16"]) -> Float[Array, "*n 16 16"]
     return result
 
 
-def motor_squares(motors: Float[Array | np.ndarray, "*n 8"]) -> Float[Array | np.ndarray, "*n 36"]:
+def motor_squares(motors: Float[Array | np.ndarray, "*n 8"]) -> Float[Array, "*n 36"]:
     """Products of two of the 8 numbers of motors, in the order of MOTOR_PAIRS."""
-    first, second = MOTOR_PAIRS
+    motors, (first, second) = jnp.asarray(motors), MOTOR_PAIRS
     return motors[..., first] * motors[..., second]
 
 
