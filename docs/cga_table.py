@@ -1,13 +1,14 @@
-"""The table of encodings on the results page, from experiments/cga/results.json."""
+"""The table of encodings on the results page, from experiments/cga/results.json, and the speed of `versor`."""
 
 from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
+from docs.baking_tables import origin
 from docs.local_tables import table
 
-FORMS = {"gnn": "published: GATv2", "rings": "ours: `rings`"}
+FORMS = {"gnn": "published: GATv2", "rings": "ours: `rings`", "versor": "products in R(4,1): `versor`"}
 ENCODINGS = {
     "position-normal": "position and normal, 6 numbers",
     "motor-7": "motor, 7 numbers",
@@ -52,6 +53,12 @@ def seed_differences(result: dict[str, Any], form: str, encoding: str, unseen: b
     return interval(gain) if gain.size else "-"
 
 
+def mean_skill(result: dict[str, Any], form: str, encoding: str) -> str:
+    """The skill on generated shapes with its interval over seeds; - without runs."""
+    cell = _cells(result).get((form, encoding), {})
+    return interval(np.array([_shown_skill(row) for row in cell.values()])) if cell else "-"
+
+
 def encodings(result: dict[str, Any]) -> str:
     """A row for each form and encoding: skills with intervals over seeds, and the difference to position and normal.
 
@@ -70,3 +77,27 @@ def encodings(result: dict[str, Any]) -> str:
         rows.append(cells)
     header = ["form", "a vertex is", "parameters", "steps", "seeds", "skill, generated shapes", "against the first"]
     return table([*header, "median skill, unseen meshes", "against the first"], rows)
+
+
+WAYS = {
+    "dense": "32 numbers through the table of 32 x 32 signs, each motor acts by two products",
+    "even": "the same with the 16 even blades and the 256 terms between them",
+    "network": "as the network does it: products of a motor's numbers are summed over the neighbours first",
+}
+
+
+def versor_speed(result: dict[str, Any]) -> str:
+    """One prediction of `versor` by three ways of multiplying."""
+    arguments, fastest = result["arguments"], result["rows"][-1]["seconds"]
+    rows = [
+        [
+            WAYS[row["way"]],
+            f"{row['seconds'] / arguments['vertices'] * 1e6:.1f}",
+            f"{row['seconds'] / fastest:.1f}",
+            f"{row['difference']:.0e}",
+        ]
+        for row in result["rows"]
+    ]
+    found = table(["way", "us a vertex", "times the last", "difference to the last"], rows)
+    said = f"{arguments['vertices']} vertices, medians of {arguments['repeats']}; differences over the largest number"
+    return f"{found}\n\n{said}. {origin(result)}."

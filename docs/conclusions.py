@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from docs.cga_table import seed_differences
+from docs.cga_table import mean_skill, seed_differences
 from docs.local_tables import faster
 from docs.method_names import method_name
 from experiments.neural_gash.variants import LONG, READING, SHIPPED, Run
@@ -109,14 +109,17 @@ def published(results: Results) -> str:
 
 
 def encodings(results: Results) -> str:
-    """Motors as input."""
+    """Motors as input, and layers that are products in their algebra."""
     result = results["cga"]
     shown, elsewhere = (seed_differences(result, "gnn", "motor", unseen) for unseen in (False, True))
     return (
         "**A motor says no more to a network than position and normal.** In the published form it changes the skill by "
         f"{shown} on generated shapes and by {elsewhere} on meshes from elsewhere; relative motors in frames that turn "
-        f"with the mesh change it by {seed_differences(result, 'rings', 'relative-motor')}. Frame and features count "
-        "for more than the algebra ([below](#what-should-a-vertex-be-told-as))."
+        f"with the mesh change it by {seed_differences(result, 'rings', 'relative-motor')}. Told these, layers that "
+        f"are products in R(4,1) reach {mean_skill(result, 'versor', 'relative-motor')} and attention reaches "
+        f"{mean_skill(result, 'rings', 'relative-motor')}; told plain features of edges, attention reaches "
+        f"{mean_skill(result, 'rings', 'relative')}. Frame and features count for more than the algebra "
+        "([below](#what-should-a-vertex-be-told-as))."
     )
 
 

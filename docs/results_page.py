@@ -13,7 +13,7 @@ import numpy as np
 
 from docs import local_tables, trial_tables
 from docs.baking_tables import origin
-from docs.cga_table import encodings
+from docs.cga_table import encodings, versor_speed
 from docs.conclusions import beaten, conclusions, median_rays
 from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
@@ -193,6 +193,7 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "SCENE": moving_scene(scene),
         "SWEEP": sweep(sweep_file),
         "ENCODINGS": encodings(results["cga"]),
+        "VERSOR SPEED": versor_speed(results["versor_speed"]),
         "CGA": f"{origin(results['cga'])}; trained at commit {trained_at(results['cga'])}.",
         "TIMES": f"{origin(times)}.",
         "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex."
@@ -212,7 +213,10 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     return text
 
 
-RESULTS = ("neural_gash", "latency", "scene", "local_trust", "local_speed", "calibration", "error_target")
+RESULTS = (
+    *("neural_gash", "latency", "scene", "local_trust", "local_speed", "calibration", "error_target"),
+    "versor_speed",
+)
 
 
 def committed_results() -> dict[str, dict[str, Any]]:

@@ -737,6 +737,8 @@ def predict(
     config, a = model.config, model.arrays
     normals = np.asarray(normals, np.float32)
     name, k = config["name"], config.get("neighbours", 0)
+    if name == "versor":
+        raise ValueError("versor is not among the networks that this file knows: run its ONNX file, or gash_jax")
     usual = {"rings": "relative", "local": "surfels"}.get(name, "motor")
     if config.get("encoding", usual) != usual:
         raise ValueError(f"{name} with the encoding {config['encoding']}: this file knows {usual} only")

@@ -74,6 +74,12 @@ def _check_what_encodings_do(result: dict[str, Any]) -> None:
     assert 0.5 < steps[0] / steps[1] < 0.6  # "little more than half the steps"
     best, second, rest = (mean("rings", encoding) for encoding in ("relative", "relative-motor", "position-normal"))
     assert best - second > second - rest
+    products, attention = (
+        tuple(map(float, conclusions.mean_skill(result, form, "relative-motor").split(" ± ")))
+        for form in ("versor", "rings")
+    )
+    assert products[0] - products[1] > attention[0] + attention[1]  # "better by more than both intervals"
+    assert best - products[0] > products[0] - attention[0]  # "features count for more than the algebra"
 
 
 @pytest.mark.parametrize("write", conclusions.CONCLUSIONS)

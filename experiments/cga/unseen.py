@@ -1,7 +1,8 @@
-"""What the networks of the two sweeps do on meshes that none was trained on; stopped and started at will.
+"""What the networks of the three sweeps do on meshes that none was trained on; stopped and started at will.
 
     .venv/bin/gash sweep experiments/cga/published.toml -o runs/cga
     .venv/bin/gash sweep experiments/cga/ours.toml -o runs/cga
+    .venv/bin/gash sweep experiments/cga/versor.toml -o runs/cga
     .venv/bin/python -m experiments.cga.unseen --runs runs/cga --meshes FOLDER --output experiments/cga/results.json
 
 FOLDER holds .ply files: the meshes of `experiments/neural_gash/evaluate.py` that are there, without the one that is

@@ -18,16 +18,19 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_the_sweeps_give_everyone_the_same_budget_and_shapes() -> None:
-    published, ours = (load_sweep(ROOT / "experiments" / "cga" / f"{name}.toml")[1] for name in ("published", "ours"))
-    runs = [*published, *ours]
-    assert (len(published), len(ours)) == (20, 25) and len({run.id for run in runs}) == 45
+    files = ("published", "ours", "versor")
+    published, ours, versor = (load_sweep(ROOT / "experiments" / "cga" / f"{name}.toml")[1] for name in files)
+    runs = [*published, *ours, *versor]
+    assert [len(some) for some in (published, ours, versor)] == [20, 25, 5] and len({run.id for run in runs}) == 50
     assert len({(run.config.train, run.config.optim, run.config.data) for run in runs}) == 5  # by seed
     for some in (published, ours[:20]):
         assert [run.seed for run in some] == sorted(run.seed for run in some)
     values = [run.config.model.to_dict() for run in runs]
-    assert {(each["name"], each.get("frame")) for each in values} == {("gnn", "vertex"), ("rings", None)}
+    forms = {(each["name"], each.get("frame")) for each in values}
+    assert forms == {("gnn", "vertex"), ("rings", None), ("versor", None)}
+    assert {name for name, _ in forms} == set(cga_table.FORMS)
     cells = {(each["name"], each["encoding"]) for each in values}
-    assert {encoding for _, encoding in cells} == set(cga_table.ENCODINGS) and len(cells) == 9
+    assert {encoding for _, encoding in cells} == set(cga_table.ENCODINGS) and len(cells) == 10
 
 
 def test_unseen_meshes_are_scored_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

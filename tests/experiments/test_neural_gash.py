@@ -186,7 +186,8 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     results = {"neural_gash": result, "latency": times, "scene": moving, "local_trust": trusted, "local_speed": fast}
     run = {"form": "gnn", "encoding": "motor", "seed": 0, "parameters": 1, "steps": 2, "skill": 0.5, "commit": "c"}
     committed = Path(results_page.__file__).parent / "results"
-    results |= {name: json.loads((committed / f"{name}.json").read_text()) for name in ("calibration", "error_target")}
+    kept = ("calibration", "error_target", "versor_speed")
+    results |= {name: json.loads((committed / f"{name}.json").read_text()) for name in kept}
     results["cga"] = {**{key: result[key] for key in ("machine", "commit")}, "rows": [{**run, "meshes": {"a": 0.25}}]}
     text = results_page.page(results, tmp_path / "sweep.csv")
     assert (

@@ -61,7 +61,7 @@ def test_every_setting_says_what_it_means() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"name": "unet"}, "known are rings, local, two-stage, gnn, teacher, mlp"),
+        ({"name": "unet"}, "known are rings, versor, local, two-stage, gnn, teacher, mlp"),
         ({"bands": 0}, "bands = 0: must be from 1 to 10"),
         ({"bands": 11}, "bands = 11"),
         ({"layers": -1}, "layers = -1: must be at least 1"),
@@ -78,6 +78,7 @@ def test_every_setting_says_what_it_means() -> None:
             "unknown key 'model.graph' in config: known here are name, bands, channels",
         ),
         ({"name": "mlp", "encoding": "relative-motor"}, "one of motor, motor-7, position-normal"),
+        ({"name": "versor", "encoding": "relative"}, "one of relative-motor"),
         ({"name": "local", "encoding": "motor"}, "unknown key 'model.encoding'"),
         ({"name": "mlp", "heads": 4}, "unknown key 'model.heads'"),
     ],
@@ -107,7 +108,7 @@ ENCODINGS = [
 @pytest.mark.parametrize(("name", "encoding"), ENCODINGS)
 def test_every_encoding_is_read_and_gives_finite_gradients(name: str, encoding: str) -> None:
     small: dict[str, Any] = {"channels": 8, "layers": 1, "encoding": encoding}
-    small |= {"heads": 2} if name != "mlp" else {}
+    small |= {"heads": 2} if name not in ("mlp", "versor") else {}
     config = model_config(name, **small, **({"visibility_channels": 8} if name == "two-stage" else {}))
     graph = model_graph(config, bumpy_mesh(20))
     module = build_model(config)

@@ -25,6 +25,7 @@ SMALL: dict[str, dict[str, Any]] = {
         **{"visibility_channels": 8, "visibility_layers": 1},
     },
     "rings": {"channels": 8, "layers": 1, "heads": 2, "neighbours": 8},
+    "versor": {"channels": 4, "layers": 1, "neighbours": 8},
     "local": {"channels": 8, "layers": 1, "neighbours": 12},
 }
 

@@ -15,13 +15,14 @@ from gash_jax.graph.mesh_graph import build_graph, with_relative_edges
 from gash_jax.models.families import build_model, model_config, model_graph
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
-NAMES = ("mlp", "two-stage", "rings")
+NAMES = ("mlp", "two-stage", "rings", "versor")
 SMALL = {
     "mlp": model_config("mlp", channels=64, layers=2),
     "two-stage": model_config(
         "two-stage", channels=16, layers=1, heads=2, neighbours=6, visibility_channels=16, visibility_layers=1
     ),
     "rings": model_config("rings", channels=16, layers=1, heads=2),
+    "versor": model_config("versor", channels=4, layers=1),
 }
 
 
@@ -105,7 +106,7 @@ def test_overfits_one_tiny_problem_with_finite_gradients(name: str) -> None:
     assert np.median(values[-20:]) < 0.1 * np.mean(target**2)
 
 
-@pytest.mark.parametrize("name", ["two-stage", "rings"])
+@pytest.mark.parametrize("name", ["two-stage", "rings", "versor"])
 def test_a_graph_with_another_number_of_neighbours_is_refused(name: str) -> None:
     _, apply, variables = _model(name)
     graph = with_relative_edges(build_graph(bumpy_mesh(40), "knn", 5), bumpy_mesh(40))

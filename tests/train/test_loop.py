@@ -33,6 +33,7 @@ MODELS = {
         name="two-stage", channels=8, layers=1, heads=2, neighbours=6, visibility_channels=8, visibility_layers=1
     ),
     "rings": model_config(name="rings", channels=8, layers=1, heads=2, neighbours=32),
+    "versor": model_config(name="versor", channels=4, layers=1),
     "local": model_config(name="local", channels=8, layers=1, neighbours=32),
 }
 
@@ -86,7 +87,7 @@ def test_every_model_learns_and_its_file_predicts(
     assert predicted.coefficients.shape[1] == 9 and np.isfinite(predicted.coefficients).all()
 
 
-@pytest.mark.parametrize("name", ["rings", "two-stage", "local"])
+@pytest.mark.parametrize("name", ["rings", "two-stage", "versor", "local"])
 def test_an_interrupted_run_ends_as_the_whole_one_bit_for_bit(
     items, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,8 +32,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from gash_jax.algebra import cga
 from gash_jax.algebra.directions import orthonormal_frame
+from gash_jax.algebra.even import MOTOR_8
 from gash_jax.algebra.motors import compose, inverse, matrix_to_rotor, motor, translator
 from gash_jax.algebra.numerics import safe_norm, safe_normalize
 
@@ -45,8 +45,6 @@ VANISHING_OFFSET = 1e-3
 EDGE_BLOCK = 1 << 15
 VERTEX_BLOCK = 1 << 12
 
-# of a motor, each number once
-MOTOR_8 = np.array([cga.SCALAR, cga.E12, cga.E13, cga.E23, cga.E1P, cga.E2P, cga.E3P, cga.E123P])
 
 _motor = jax.jit(motor)
 

@@ -37,6 +37,7 @@ from gash_jax.nn.two_stage import (
     build_coefficient_net,
     build_two_stage,
 )
+from gash_jax.nn.versor_net import VersorConfig, build_versor_net
 from gash_jax.prt.hemisphere import hemisphere_visibility
 
 Visibility = Float[np.ndarray, "v n"] | Bool[np.ndarray, "v n"]
@@ -71,7 +72,7 @@ def _neighbours(config: GNNConfig, mesh: Mesh, seed: int, visibility: Visibility
     return build_graph(mesh, config.graph, config.neighbours, seed, config.encoding)
 
 
-def _rings(config: RingConfig, mesh: Mesh, seed: int, visibility: Visibility | None) -> Graph:
+def _rings(config: RingConfig | VersorConfig, mesh: Mesh, seed: int, visibility: Visibility | None) -> Graph:
     return build_graph(mesh, "rings", config.neighbours, seed, config.encoding)
 
 
@@ -101,6 +102,7 @@ def _surfels(config: SurfelConfig, mesh: Mesh, seed: int, visibility: Visibility
 
 FAMILIES: dict[str, Family] = {
     "rings": Family(RingConfig, build_ring_net, _rings),
+    "versor": Family(VersorConfig, build_versor_net, _rings),
     "local": Family(
         *(SurfelConfig, build_surfel_net, _surfels, BlockPool, surfel_phases, apply_surfels, predict_surfels)
     ),

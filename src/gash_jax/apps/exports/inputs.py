@@ -3,8 +3,8 @@
 The first axis of each is free: as many vertices as there are.
 """
 
+from gash_jax.algebra.even import MOTOR_8
 from gash_jax.apps.exports.graph import Graph, Value
-from gash_jax.graph.encodings import MOTOR_8
 from gash_jax.nn.inputs import MOTOR_7, ROTOR
 
 VERTICES = "vertices"

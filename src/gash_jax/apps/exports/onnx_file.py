@@ -22,6 +22,7 @@ from gash_jax.apps.exports.inputs import VERTICES
 from gash_jax.apps.exports.motor_nets import write_gnn, write_mlp, write_teacher, write_two_stage
 from gash_jax.apps.exports.ring_net import write_ring_net
 from gash_jax.apps.exports.surfel_net import write_surfel_net
+from gash_jax.apps.exports.versor_net import write_versor_net
 from gash_jax.files.atomic import FileError, whole_file
 from gash_jax.models.deforming_model import LIGHT
 from gash_jax.nn.config import ModelConfig
@@ -36,6 +37,7 @@ WRITERS: dict[str, Callable[[Graph, Any], Written]] = {
     "teacher": write_teacher,
     "two-stage": write_two_stage,
     "rings": write_ring_net,
+    "versor": write_versor_net,
     "local": write_surfel_net,
     "momo-prt": write_momo,
     "deform": write_deform,
