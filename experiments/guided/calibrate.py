@@ -5,7 +5,9 @@
 On generated shapes that the network was not trained on, rays are doubled from 8 on. At each number of rays, `worth` is
 the squared error of the rays' own estimates over that of their halves; the *noise ratio* of a mesh is that squared
 error, as its halves tell it, over the law that the network counts in. `power` and `level` are those of a line through
-log(squared error of the guided bake / expected) against log(noise ratio), one point for each shape.
+log(squared error of the guided bake / expected) against log(noise ratio), one point for each shape. Within a shape, by
+tenths of its vertices from the smallest error that is expected to the largest, `slope` is that of the same against the
+logarithm of what is expected, the median over the shapes.
 """
 
 from pathlib import Path
@@ -37,26 +39,34 @@ def measure(index: int, seed: int, reference: int, doublings: int, sizes: tuple[
     assert baked.standard_error is not None
     bake = GuidedBake(mesh, 3, PILOT, LARGEST_ROW, index, "embree", [])
     truth = baked.coefficients[bake.active]
-    doubt = float(np.sum(baked.standard_error[bake.active].astype(np.float64) ** 2))
+    doubts = np.sum(baked.standard_error[bake.active].astype(np.float64) ** 2, axis=1)
     few, surface = bake.first()
     rows = []
     for step in range(doublings + 1):
         few = bake.add(few, np.full(len(few.rays), PILOT << step))
         rebuilt = reconstruct(shipped_network(), surface, few)
+        expected = rebuilt.variance.sum(axis=1, dtype=np.float64)
+        error = np.sum((rebuilt.coefficients - truth).astype(np.float64) ** 2, axis=1) - doubts
         own = np.asarray(to_world(jnp.asarray(few.local[:, None]), bake.rows.frames))[:, 0]
         rows.append(
             {
                 "shape": f"{index} {kind}",
                 "rays": PILOT << step,
-                "guided": float(np.sum((rebuilt.coefficients - truth).astype(np.float64) ** 2)) - doubt,
-                "expected": float(rebuilt.variance.sum(dtype=np.float64)),
-                "own": float(np.sum((own - truth).astype(np.float64) ** 2)) - doubt,
+                "guided": float(error.sum()),
+                "expected": float(expected.sum()),
+                "tenths": [_tenths(values, np.argsort(expected)) for values in (error, expected, doubts)],
+                "own": float(np.sum((own - truth).astype(np.float64) ** 2) - doubts.sum()),
                 "halves": float(few.halves.sum(dtype=np.float64)),
                 "law": float(HALVES * rough_variance(few.rays.astype(np.float64), few.share).sum()),
-                "doubt": doubt,
+                "doubt": float(doubts.sum()),
             }
         )
     return rows
+
+
+def _tenths(values: np.ndarray, order: np.ndarray) -> list[float]:
+    """Sums over ten parts of the vertices in this order."""
+    return [float(part.sum()) for part in np.array_split(values[order], 10)]
 
 
 def fit(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
@@ -70,6 +80,7 @@ def fit(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
         off = np.log([r["guided"] / r["expected"] for r in held])
         power, level = np.polyfit(ratio, off, 1)
         left = off - power * ratio - level
+        slopes = [slope for r in held if (slope := _slope(*map(np.array, r["tenths"]))) is not None]
         found.append(
             {
                 "rays": rays,
@@ -77,11 +88,20 @@ def fit(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
                 "worth": worth,
                 "power": float(power),
                 "level": float(level),
+                "slope": float(np.median(slopes)),
                 "spread_before": float(np.std(off) / 2),
                 "spread_after": float(np.std(left) / 2),
             }
         )
     return found
+
+
+def _slope(error: np.ndarray, expected: np.ndarray, doubt: np.ndarray) -> float | None:
+    """Of log(error / expected) against log(expected), where the reference is good enough; None where it nowhere is."""
+    good = (error > 2 * doubt) & (expected > 0)
+    if np.count_nonzero(good) < 4:
+        return None
+    return float(np.polyfit(np.log(expected[good]), np.log(error[good] / expected[good]), 1)[0])
 
 
 def main(output: Path | None, quick: bool) -> dict[str, Any]:
@@ -97,7 +117,8 @@ def main(output: Path | None, quick: bool) -> dict[str, Any]:
     for level in results["levels"]:
         print(
             f"{level['rays']:5d} rays, {level['shapes']} shapes: worth {level['worth']:.3f}, "
-            f"power {level['power']:.2f}, level {level['level']:+.2f}; logarithm of error over expected spreads by "
+            f"power {level['power']:.2f}, level {level['level']:+.2f}, slope {level['slope']:+.2f}; "
+            "logarithm of error over expected spreads by "
             f"{level['spread_after']:.3f} (not corrected: {level['spread_before']:.3f})"
         )
     return results

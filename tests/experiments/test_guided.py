@@ -50,13 +50,14 @@ def test_calibration_runs(tmp_path: Path) -> None:
 
 def test_a_calibration_finds_the_line_that_is_there() -> None:
     """Halves worth 0.4, errors e^-0.3 ratio^0.7 of those expected; a shape with a poor reference is left out."""
+    expected = np.geomspace(1e-6, 1e-2, 10)
     rows = [
         {"shape": str(i), "rays": 16, "law": 1.0, "own": r, "halves": r / 0.4, "expected": 0.5, "doubt": 1e-4}
-        | {"guided": 0.5 * np.exp(-0.3) * r**0.7}
+        | {"guided": 0.5 * np.exp(-0.3) * r**0.7, "tenths": [expected**0.8, expected, 1e-9 * expected]}
         for i, r in enumerate(np.geomspace(0.5, 2, 9))
     ]
     rows.append({**rows[0], "shape": "poor", "guided": 10.0, "doubt": 9.0})
     (level,) = calibrate.fit(rows)
     assert level["shapes"] == 9
-    found = [level[name] for name in ("worth", "power", "level", "spread_after")]
-    np.testing.assert_allclose(found, [0.4, 0.7, -0.3, 0], atol=1e-6)
+    found = [level[name] for name in ("worth", "power", "level", "slope", "spread_after")]
+    np.testing.assert_allclose(found, [0.4, 0.7, -0.3, -0.2, 0], atol=1e-6)

@@ -8,7 +8,6 @@ import pytest
 
 from gash_jax.models.guided import GuidedBake, bake_guided
 from gash_jax.models.guided_error import FEWEST, LARGEST_RATIO, LEVELS, corrected, noise_ratio
-from gash_jax.models.reconstruction import Rebuilt
 from gash_jax.nn.reconstruction import rough_variance
 from gash_jax.prt.allocation import PILOT
 from gash_jax.prt.bake import bake_transfer
@@ -39,17 +38,19 @@ def test_a_worked_example() -> None:
     halves = np.full(count, 2 * law / LEVELS[1].worth, np.float32)
     few = FewRays(np.full(count, 16), np.full(count, 0.5, np.float32), np.zeros((count, 9), np.float32), halves)
     assert noise_ratio(few) == pytest.approx(2, rel=1e-5)
-    once = np.ones((count, 9), np.float32)
-    factor = np.exp(LEVELS[1].level) * 2 ** LEVELS[1].power
-    np.testing.assert_allclose(corrected(Rebuilt(once, once), few).variance, factor, rtol=1e-5)
-    np.testing.assert_array_equal(corrected(Rebuilt(once, once), few).coefficients, once)
+    variance = np.ones((count, 9), np.float32)
+    variance[: count // 2] = 0.25
+    found, factor = corrected(variance, few), np.exp(LEVELS[1].level) * 2 ** LEVELS[1].power
+    assert found.sum() == pytest.approx(factor * variance.sum(), rel=1e-4)
+    np.testing.assert_allclose(found[0] / found[-1], 0.25 ** (1 + LEVELS[1].slope), rtol=1e-4)
 
 
 def test_it_is_left_alone_where_little_is_known_and_never_far_off() -> None:
     few = _few(2.0, FEWEST - 1)
     assert noise_ratio(few) is None
-    once = Rebuilt(np.ones((len(few.rays), 9), np.float32), np.ones((len(few.rays), 9), np.float32))
-    np.testing.assert_array_equal(corrected(once, few).variance, once.variance)
+    variance = np.random.default_rng(0).random((len(few.rays), 9)).astype(np.float32)
+    np.testing.assert_array_equal(corrected(variance, few), variance)
+    assert np.isfinite(corrected(np.zeros_like(variance), few._replace(rays=np.full(len(few.rays), 8)))).all()
     assert noise_ratio(_few(100.0)) == LARGEST_RATIO
     assert noise_ratio(_few(1e-4)) == 1 / LARGEST_RATIO
 

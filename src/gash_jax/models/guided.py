@@ -23,7 +23,7 @@ from gash_jax.algebra.sh import validate_bands
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfels import curve_codes
-from gash_jax.models.guided_error import corrected, corrections, noise_left
+from gash_jax.models.guided_error import corrected, noise_left
 from gash_jax.models.guided_sample import expected_everywhere, make_sample
 from gash_jax.models.reconstruction import Rebuilt, Surface, make_surface, reconstruct, shipped_network
 from gash_jax.nn.reconstruction import COMPARED, LEAST
@@ -124,7 +124,8 @@ class GuidedBake:
 
 def rebuild(few: FewRays, surface: Surface) -> Rebuilt:
     """What the network that ships makes of the rays, with the error that is expected once their halves are seen."""
-    return corrected(reconstruct(shipped_network(), surface, few), few)
+    rebuilt = reconstruct(shipped_network(), surface, few)
+    return rebuilt._replace(variance=corrected(rebuilt.variance, few))
 
 
 def bake_guided(
@@ -218,7 +219,7 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     while rebuilt is None:
         if sample is not None:
             variance, energy = expected_everywhere(network, sample, surface, few, k)
-            variance *= corrections(few)
+            variance = corrected(variance[:, None], few)[:, 0]
         else:
             rebuilt = rebuild(few, surface)
             # without the least that the network says, which no ray lowers

@@ -3,13 +3,14 @@
 The network expects an error from a rough law of how good N rays are. How good they are on one mesh depends on its
 shadows: on some the squared error is half of what the law says, on others twice. The two halves of a vertex's rays
 estimate the same; how far they lie apart, summed over all vertices of a mesh, gives the squared error of the rays
-within a tenth. The *noise ratio* of a mesh is that error over the law, and the squared error that the network expects
-of vertices with N rays is multiplied by
+within a tenth. The *noise ratio* of a mesh is that error over the law. Of vertices with N rays the sum of the squared
+errors v that the network expects is multiplied by
 
     exp(level(N)) ratio^power(N),
 
-constants of generated shapes (`experiments.guided.calibrate`), on which it halves the spread of error over expected
-error between meshes. Of one vertex the halves say next to nothing, so there is one ratio for a mesh.
+each of them by v^slope(N) besides, as small ones are expected to be too small. The constants are those of generated
+shapes (`experiments.guided.calibrate`), on which they halve the spread of error over expected error between meshes. Of
+one vertex the halves say next to nothing, so there is one ratio for a mesh.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.models.reconstruction import Rebuilt
 from gash_jax.nn.reconstruction import rough_variance
 from gash_jax.prt.allocation import PILOT
 from gash_jax.prt.few_rays import HALVES, FewRays
@@ -27,23 +27,24 @@ LARGEST_RATIO = 4.0  # and smallest, its inverse
 
 
 class Level(NamedTuple):
-    """Constants of one number of rays: squared error over that of the halves, and the line of the correction."""
+    """Constants of one number of rays: squared error over that of the halves, and those of the correction."""
 
     worth: float
     power: float
     level: float
+    slope: float
 
 
 # of 8, 16, 32 ... rays; the last serves all larger numbers
 LEVELS = (
-    Level(1.128, 0.82, -0.65),
-    Level(0.301, 0.37, -0.26),
-    Level(0.459, 0.84, -0.58),
-    Level(0.639, 0.66, -0.58),
-    Level(0.443, 0.72, -0.61),
-    Level(0.645, 0.59, -0.47),
-    Level(0.437, 0.81, -0.62),
-    Level(0.723, 0.75, -0.46),
+    Level(1.128, 0.82, -0.65, 0.0),
+    Level(0.301, 0.37, -0.26, 0.0),
+    Level(0.459, 0.84, -0.58, 0.0),
+    Level(0.639, 0.66, -0.58, 0.0),
+    Level(0.443, 0.72, -0.61, 0.0),
+    Level(0.645, 0.59, -0.47, 0.0),
+    Level(0.437, 0.81, -0.62, 0.0),
+    Level(0.723, 0.75, -0.46, 0.0),
 )
 
 
@@ -63,17 +64,20 @@ def noise_ratio(few: FewRays) -> float | None:
     return float(np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO))
 
 
-def corrections(few: FewRays) -> Float[np.ndarray, "a"]:
-    """What the squared error that the network expects of each vertex is to be multiplied by."""
+def corrected(variance: Float[np.ndarray, "a k"], few: FewRays) -> Float[np.ndarray, "a k"]:
+    """The squared errors that the network expects, corrected as the module's text says."""
     ratio = noise_ratio(few)
     if ratio is None:
-        return np.ones(len(few.rays), np.float32)
-    return np.exp([level.level + level.power * np.log(ratio) for level in LEVELS]).astype(np.float32)[_level(few)]
-
-
-def corrected(rebuilt: Rebuilt, few: FewRays) -> Rebuilt:
-    """What was rebuilt, with the error that is expected corrected."""
-    return rebuilt._replace(variance=rebuilt.variance * corrections(few)[:, None])
+        return variance
+    level, found = _level(few), variance.copy()
+    of_vertex = variance.sum(axis=1, dtype=np.float64)
+    for number in np.flatnonzero(np.bincount(level)):
+        own, constants = np.flatnonzero(level == number), LEVELS[number]
+        bent = of_vertex[own] ** (1 + constants.slope)
+        total = np.exp(constants.level) * ratio**constants.power * of_vertex[own].sum()
+        factor = total * bent / (bent.sum() * np.maximum(of_vertex[own], 1e-30))
+        found[own] *= factor.astype(variance.dtype)[:, None]
+    return found
 
 
 def noise_left(few: FewRays, variance: Float[np.ndarray, "a"], k: int) -> float:
