@@ -43,7 +43,7 @@ def guided_table(result: dict[str, Any]) -> str:
 
 def guided_error_table(result: dict[str, Any]) -> str:
     """What the halves of the rays are worth, and how far error over expected error lies apart between shapes."""
-    header = ["rays", "shapes", "worth of the halves", "power", "level", "spread before", "after"]
+    header = ["rays", "shapes", "worth of the halves", "power", "level", "slope", "spread before", "after"]
     rows = [
         [
             str(level["rays"]),
@@ -51,6 +51,7 @@ def guided_error_table(result: dict[str, Any]) -> str:
             f"{level['worth']:.2f}",
             f"{level['power']:.2f}",
             f"{level['level']:.2f}",
+            f"{level['slope']:.2f}",
             *(f"{np.expm1(level[name]):.0%}" for name in ("spread_before", "spread_after")),
         ]
         for level in result["levels"]
