@@ -112,9 +112,14 @@ def main(output: Path | None, quick: bool) -> dict[str, Any]:
             sizes = (300, 600) if quick else COARSE if index % 2 else FINE
             rows += measure(index, SEED, 256 if quick else REFERENCE, doublings, sizes)
             update(index + 1, shapes)
-    results = {**provenance(seed=SEED), "levels": fit(rows), "rows": rows}
+    levels = fit(rows)
+    results = {
+        **provenance(seed=SEED),
+        "levels": levels,
+        "rows": [{name: value for name, value in row.items() if name != "tenths"} for row in rows],
+    }
     saved(output, results)
-    for level in results["levels"]:
+    for level in levels:
         print(
             f"{level['rays']:5d} rays, {level['shapes']} shapes: worth {level['worth']:.3f}, "
             f"power {level['power']:.2f}, level {level['level']:+.2f}, slope {level['slope']:+.2f}; "
