@@ -22,7 +22,7 @@ from gash_jax.nn.reconstruction import rough_variance
 from gash_jax.prt.allocation import PILOT
 from gash_jax.prt.few_rays import HALVES, FewRays
 
-FEWEST = 200  # vertices with halves and something hidden, below which the ratio is left alone
+FEWEST = 500  # vertices whose halves differ, below which they tell too little
 LARGEST_RATIO = 4.0  # and smallest, its inverse
 
 
