@@ -8,9 +8,10 @@ errors v that the network expects is multiplied by
 
     exp(level(N)) ratio^power(N),
 
-each of them by v^slope(N) besides, as small ones are expected to be too small. The constants are those of generated
-shapes (`experiments.guided.calibrate`), on which they halve the spread of error over expected error between meshes. Of
-one vertex the halves say next to nothing, so there is one ratio for a mesh.
+each of them by v^slope(N) besides: of vertices with many rays the small ones are expected too small. The constants are
+those of generated shapes (`experiments.guided.calibrate`), on which they halve the spread of error over expected error
+between meshes; on shapes of another seed they take less from it (test). Of one vertex the halves say next to nothing,
+so there is one ratio for a mesh.
 """
 
 from typing import NamedTuple
