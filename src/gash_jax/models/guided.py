@@ -226,8 +226,8 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
             variance = np.maximum(rebuilt.variance[:, :k] - LEAST, 0).sum(axis=1, dtype=np.float64)
             energy = float(np.sum(rebuilt.coefficients[:, :k].astype(np.float64) ** 2))
         enough = variance.sum() <= ((1.0 if sample is None else ENOUGH) * error) ** 2 * energy
-        rate = FIRST_RATE if len(rounds) == 1 else RATE + RATE_OF_RAYS * noise_left(few, variance, k)
-        wanted = few.rays if enough else _wanted(few, variance, (AIM * error) ** 2 * energy, rate)
+        budget, pilot = (AIM * error) ** 2 * energy, len(rounds) == 1
+        wanted = few.rays if enough else _wanted(few, variance, k, budget, pilot)
         chosen, sample = wanted > few.rays, None
         if chosen.any():
             if progress:
@@ -240,7 +240,8 @@ def _rounds(bake: GuidedBake, error: float, progress: ProgressFn | None) -> tupl
     return few, rebuilt, {"rounds": rounds, "estimated_error": estimated}
 
 
-def _wanted(few: FewRays, variance: np.ndarray, budget: float, rate: float) -> np.ndarray:
+def _wanted(few: FewRays, variance: np.ndarray, k: int, budget: float, pilot: bool) -> np.ndarray:
     """Rays of each vertex with which the variances are expected to meet a budget, as far ahead as can be seen."""
+    rate = FIRST_RATE if pilot else RATE + RATE_OF_RAYS * noise_left(few, variance, k)
     wanted = choose_rays(few.rays, variance, budget, rate)
     return np.minimum(wanted, np.minimum(few.rays << MOST_DOUBLINGS, MOST_RAYS))

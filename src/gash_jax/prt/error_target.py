@@ -31,10 +31,9 @@ from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.prt.allocation import PILOT, choose_doublings, neighbour_mean
 from gash_jax.prt.bake import free_and_dark
 from gash_jax.prt.error_bars import standard_error_floor
-from gash_jax.prt.few_rays import MOST_RAYS
+from gash_jax.prt.few_rays import MOST_RAYS, block_shifts
 from gash_jax.prt.integrands import direct, to_world
 from gash_jax.prt.rays import VisibilityFn
-from gash_jax.prt.sampling import korobov
 from gash_jax.prt.scene import as_occluders, as_points, make_scene
 from gash_jax.prt.tracing import ProgressFn, Rows, active_rows, trace_rows
 from gash_jax.prt.transfer import Transfer, make_metadata
@@ -77,12 +76,6 @@ def kappa(rays: Int[np.ndarray, "a"]) -> Float[np.ndarray, "a"]:
     return np.array(KAPPA, np.float32)[np.minimum(level, len(KAPPA) - 1)]
 
 
-def _block_shifts(shifts: Float[np.ndarray, "a 2"], start: int, count: int, size: int) -> Float[np.ndarray, "a c 2"]:
-    """Shifts under which the first `size` lattice points become `count` consecutive blocks from point `start` on."""
-    moved = shifts[:, None] + korobov(start + size * np.arange(count))[None]
-    return (moved - np.floor(moved)).astype(np.float32)
-
-
 def trace_points(rows: Rows, share: np.ndarray | None, start: int, end: int, bands: int, visible: VisibilityFn):
     """Lattice points start .. end of some vertices, as the (a, parts, k) estimates of equal parts and the free share.
 
@@ -96,7 +89,7 @@ def trace_points(rows: Rows, share: np.ndarray | None, start: int, end: int, ban
     for first in range(0, len(rows.origins), slab):
         some = rows.take(np.arange(first, min(first + slab, len(rows.origins))))
         count = len(some.origins)
-        shifts = _block_shifts(some.shifts[:, 0], start, units * group, size).reshape(count * units, group, 2)
+        shifts = block_shifts(some.shifts[:, 0], start, units * group, size).reshape(count * units, group, 2)
         repeated = some.take(np.repeat(np.arange(count), units))._replace(shifts=shifts)
         known = None if share is None else np.repeat(share[first : first + count], units)
         local, found = trace_rows(repeated, direct(bands), size, visible, share=known, lattice="korobov")

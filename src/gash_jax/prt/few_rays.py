@@ -73,13 +73,15 @@ def trace_first(
 ) -> FewRays:
     """The first `rays` of every vertex (a power of two up to `LARGEST_ROW`), blended by their own free share."""
     parts = 2 if rays > LEAST_RAYS else 1  # each half a row of its own
-    halved = rows._replace(shifts=_moved(rows.shifts[:, 0], 0, parts, rays // parts))
+    halved = rows._replace(shifts=block_shifts(rows.shifts[:, 0], 0, parts, rays // parts))
     kept = {"lattice": "korobov", "two_shapes": True}
     found, share = trace_rows(halved, direct(bands), rays // parts, visible, **kept, progress=progress)
     return FewRays(np.full(len(share), rays), share, found.mean(axis=1), _squared(found[:, 0] - found[:, -1]) / 4)
 
 
-def _moved(shifts: Float[np.ndarray, "c 2"], start: int, parts: int, size: int) -> Float[np.ndarray, "c p 2"]:
+def block_shifts(
+    shifts: Float[np.ndarray, "c 2"], start: int, parts: int, size: int
+) -> Float[np.ndarray, "c {parts} 2"]:
     """Shifts with which the first `size` points of a lattice become `parts` blocks of it, from point `start` on."""
     moved = shifts[:, None] + korobov(start + size * np.arange(parts))[None]
     return np.minimum(moved - np.floor(moved), ONE_MINUS).astype(np.float32)
@@ -136,7 +138,7 @@ def trace_up_to(known: FewRays, wanted: Int[np.ndarray, "a"], rows: Rows, bands:
 def _block(rows: Rows, share: Float[np.ndarray, "c"], index: Int[np.ndarray, "c"], size: int, bands: int) -> _Block:
     row = min(size, LARGEST_ROW)
     units = size // row
-    shifts = _moved(rows.shifts[:, 0], size, units, row).reshape(-1, 1, 2)
+    shifts = block_shifts(rows.shifts[:, 0], size, units, row).reshape(-1, 1, 2)
     repeated = rows.take(np.repeat(np.arange(len(index)), units))._replace(shifts=shifts)
     found = np.zeros((len(shifts), bands**2), np.float32), np.zeros(len(shifts), np.float32)
     return _Block(index, size, row, repeated, np.repeat(share, units), *found)
