@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from gash_jax.algebra import cga, even
 from gash_jax.algebra.motors import motor
@@ -82,6 +83,17 @@ def test_what_a_rotor_does_is_the_sandwich_with_its_exponential() -> None:
     found = np.einsum("nij,njc->nic", even.rotor_actions(bivectors), x)
     expected = _even(cga.sandwich(rotor[:, None], _whole(x)))
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("length", [1, 5, 15])
+def test_the_exponential_of_long_bivectors_is_that_of_scipy(length: float) -> None:
+    bivectors = np.random.default_rng(0).normal(size=(100, 10))
+    bivectors = (bivectors * length / np.linalg.norm(bivectors, axis=1, keepdims=True)).astype(np.float32)
+    table = even.even_product_table()
+    halves = ((table - table.swapaxes(0, 1)).swapaxes(1, 2))[even.BIVECTORS] / 2
+    expected = np.stack([expm(np.einsum("b,bij->ij", each.astype(float), halves)) for each in bivectors])
+    error = np.abs(np.asarray(even.rotor_actions(bivectors)) - expected).max(axis=(1, 2))
+    assert np.max(error / np.abs(expected).max(axis=(1, 2))) < 1e-5
 
 
 def _xor() -> np.ndarray:

@@ -27,7 +27,7 @@ BIVECTORS = np.flatnonzero(np.array(cga.BLADE_GRADES)[EVEN] == 2)  # their place
 # of a motor, each number once
 MOTOR_8 = np.array([cga.SCALAR, cga.E12, cga.E13, cga.E23, cga.E1P, cga.E2P, cga.E3P, cga.E123P])
 MOTOR_PAIRS = np.triu_indices(8)
-# of the exponential: to 1e-5 of its largest number for bivectors up to a length of 20
+# of the exponential: to 1e-5 of its largest number for bivectors up to a length of 15 (test)
 TERMS, SQUARINGS = 10, 4
 
 _PLACES = np.arange(16)
