@@ -55,7 +55,16 @@ class Opened:
 
     def say(self, address: str) -> None:
         """Give the page another address and wait for its picture."""
-        self.page.evaluate("said => { location.hash = said; }", address)
+        self.page.evaluate(
+            # the page hears of it by an event, which on a busy machine comes after a timer
+            """said => new Promise(done => {
+                const before = location.hash;
+                addEventListener("hashchange", done, { once: true });
+                location.hash = said;
+                if (location.hash === before) done();
+            })""",
+            address,
+        )
         self.settle()
 
     def settle(self) -> None:
