@@ -56,12 +56,12 @@ class Opened:
     def say(self, address: str) -> None:
         """Give the page another address and wait for its picture."""
         self.page.evaluate(
-            # the page hears of it by an event, which on a busy machine comes after a timer
+            # the page hears of it by an event, and timers may run before that
             """said => new Promise(done => {
                 const before = location.hash;
-                addEventListener("hashchange", done, { once: true });
                 location.hash = said;
                 if (location.hash === before) done();
+                else addEventListener("hashchange", () => done(), { once: true });
             })""",
             address,
         )
