@@ -64,7 +64,7 @@ def folded(rng: np.random.Generator, target: int) -> RawMesh:
     """One or two lobes with winding furrows along the zero set of a noise, as on brains, wood and stone."""
     spread = rng.uniform(0.0, 0.42) if rng.random() < 0.35 else 0.0
     radii = np.array([[0.75, 0.85, 1.0]]) * rng.uniform(0.85, 1.15, size=(2, 3))
-    lobes = [_ellipsoid((side * spread, 0.0, 0.0), r) for side, r in zip((-1, 1), radii, strict=True)]
+    lobes = [ellipsoid((side * spread, 0.0, 0.0), r) for side, r in zip((-1, 1), radii, strict=True)]
     body = union(lobes, rng.uniform(0.0, 0.15)) if spread else lobes[0]
     # a furrow is about width / frequency wide: four edges or more across it
     frequency = rng.uniform(1.2, 0.9 + 0.05 * np.sqrt(target))
@@ -110,7 +110,7 @@ def displaced(rng: np.random.Generator, target: int) -> RawMesh:
 
 def limbs(rng: np.random.Generator, target: int) -> RawMesh:
     """Blended capsule skeletons: four-legged and standing figures, hands, branching growths."""
-    grow = (_animal, _figure, _hand, _branches)[int(rng.choice(4, p=[0.35, 0.25, 0.15, 0.25]))]
+    grow = (animal, _figure, _hand, _branches)[int(rng.choice(4, p=[0.35, 0.25, 0.15, 0.25]))]
     bones = grow(rng)
     solid = union([capsule(*bone) for bone in bones], rng.uniform(0.03, 0.14))
     if rng.random() < 0.4:
@@ -149,7 +149,8 @@ def _mirrored(bones: list[Bone], rng: np.random.Generator, jitter: float) -> lis
     return bones + image
 
 
-def _animal(rng: np.random.Generator) -> list[Bone]:
+def animal(rng: np.random.Generator) -> list[Bone]:
+    """Capsules of a standing animal: trunk along z, four legs down, neck, head, some with ears, tail."""
     length, girth, leg = rng.uniform(0.5, 0.9), rng.uniform(0.16, 0.38), rng.uniform(0.25, 0.55)
     hip, chest = np.array([0, 0, -length]), np.array([0, rng.uniform(-0.1, 0.2), length])
     bones: list[Bone] = [(hip, chest, girth * rng.uniform(0.8, 1.1), girth)]
@@ -233,7 +234,8 @@ def cavity(rng: np.random.Generator, target: int) -> RawMesh:
     return surface_of(solid, rng, target, 2.0)
 
 
-def _ellipsoid(centre: Vector, radii: Float[np.ndarray, "3"]) -> Field:
+def ellipsoid(centre: Vector, radii: Float[np.ndarray, "3"]) -> Field:
+    """Ellipsoid along the axes; no exact distance, never more than it."""
     scale = np.asarray(radii, np.float32)
     at = np.asarray(centre, np.float32)
     return lambda points: (np.linalg.norm((points - at) / scale, axis=-1) - 1.0) * scale.min()

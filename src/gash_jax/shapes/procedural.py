@@ -3,7 +3,7 @@
 Every kind is a recipe (generator, vertex count) -> surface. What real meshes differ in is varied on purpose: the
 occlusion (limbs, furrows, cavities, plates, contact between parts), the tessellation (grids, Delaunay, marching
 cubes, local refinement, decimation, long thin triangles) and the pose (bent, twisted, tapered, any way up).
-Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`.
+Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`, and for kinds that are dark inside `enclosed`.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +14,7 @@ from jaxtyping import Float
 from gash_jax.algebra.arguments import WholeNumber, as_array, shown, whole_number
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, RawMesh
+from gash_jax.shapes.enclosed import figure, housing, layers, machine, mouth, skull
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
 from gash_jax.shapes.mechanical import bracket, gear, plate
 from gash_jax.shapes.organic import blob, cavity, displaced, folded, limbs
@@ -102,6 +103,16 @@ RECIPES: dict[str, Recipe] = {
     "scene": scene,
 }
 SHAPE_KINDS = tuple(RECIPES)
+ENCLOSED: dict[str, Recipe] = {
+    "mouth": mouth,
+    "skull": skull,
+    "housing": housing,
+    "machine": machine,
+    "layers": layers,
+    "figure": figure,
+}
+ALL_KINDS = (*SHAPE_KINDS, *ENCLOSED)
+CHOICES = {"base": SHAPE_KINDS, "all": ALL_KINDS}
 # without long flat fans and sharp rims, which moving vertices would tear
 SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
@@ -122,19 +133,29 @@ def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> RawM
     return surface
 
 
-def shape_kind(seed: int, index: int) -> str:
-    """Kinds come in shuffled rounds: every len(SHAPE_KINDS) indices hold each kind once."""
-    block, place = divmod(index, len(SHAPE_KINDS))
-    return SHAPE_KINDS[int(np.random.default_rng([seed, 0, block]).permutation(len(SHAPE_KINDS))[place])]
+def shape_kind(seed: int, index: int, kinds: str = "base") -> str:
+    """Kinds come in shuffled rounds: every len(SHAPE_KINDS) indices hold each kind once.
+
+    `kinds` is "base" for the SHAPE_KINDS or "all" for ALL_KINDS. Raises ValueError for anything else.
+    """
+    if not isinstance(kinds, str) or kinds not in CHOICES:
+        raise ValueError(f"kinds is {shown(kinds)}: use {' or '.join(CHOICES)}")
+    names = CHOICES[kinds]
+    block, place = divmod(index, len(names))
+    return names[int(np.random.default_rng([seed, 0, block]).permutation(len(names))[place])]
 
 
 def make_shape(
-    seed: WholeNumber, index: WholeNumber, vertices: Sequence[WholeNumber] | np.ndarray = (1000, 4000)
+    seed: WholeNumber,
+    index: WholeNumber,
+    vertices: Sequence[WholeNumber] | np.ndarray = (1000, 4000),
+    kinds: str = "base",
 ) -> tuple[str, Mesh]:
     """Shape number `index` of the corpus `seed`: its kind and its mesh, the same in every process.
 
     The vertex count is drawn log-uniformly from the range and met to about 30 %. Half of the shapes are turned
-    freely, the others stand along the axes in one of 24 ways. Raises ValueError for a range that is none.
+    freely, the others stand along the axes in one of 24 ways. `kinds` is "base" or "all", which has six kinds more that
+    are dark inside. Raises ValueError for a range that is none and for other kinds.
 
     >>> kind, mesh = gash_jax.make_shape(0, 5, vertices=(200, 300))
     >>> mesh.faces.shape[1]
@@ -144,10 +165,10 @@ def make_shape(
     span = np.asarray(as_array(vertices))
     if span.shape != (2,) or span.dtype.kind not in "iu" or not 4 <= span[0] <= span[1]:
         raise ValueError(f"vertices is {shown(vertices)}: give the lowest and the highest count, 4 or more")
-    kind = shape_kind(seed, index)
+    kind = shape_kind(seed, index, kinds)
     rng = np.random.default_rng([seed, 1, index])
     target = round(float(np.exp(rng.uniform(*np.log(span)))))
-    surface = retessellated(RECIPES[kind], rng, target)
+    surface = retessellated((RECIPES | ENCLOSED)[kind], rng, target)
     rotation = random_rotation(rng) if rng.random() < 0.5 else _axis_rotation(rng)
     mesh, _ = prepare_mesh(moved(surface, rotation).vertices.astype(np.float32), surface.faces.astype(np.int32))
     return kind, mesh
