@@ -36,12 +36,18 @@ def in_jax(model: str, arrays: dict[str, np.ndarray]) -> Prediction:
 
 
 def in_onnx(model: str, arrays: dict[str, np.ndarray]) -> Prediction:
-    """ONNX Runtime on the CPU."""
+    """ONNX Runtime on the CPU; some networks are run part by part (`benchmarks.runtimes.onnx_arrays`)."""
     import onnxruntime
 
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
-    given = {entry.name: arrays[entry.name] for entry in session.get_inputs()}
-    return lambda: (0.0, np.asarray(session.run(["coefficients"], given)[0]))
+    count = sum(name.endswith("/normal") for name in arrays)
+    calls = [{entry.name: arrays[f"{i}/{entry.name}"] for entry in session.get_inputs()} for i in range(count)]
+
+    def predict() -> tuple[float, np.ndarray]:
+        said = [np.asarray(session.run(["coefficients"], given)[0]) for given in calls]
+        return 0.0, np.concatenate(said)[arrays["place"]]
+
+    return predict
 
 
 def in_numpy(model: str, arrays: dict[str, np.ndarray]) -> Prediction:

@@ -18,6 +18,7 @@ from flax.traverse_util import flatten_dict
 from benchmarks.options import parser, saved
 from benchmarks.runtime_process import RUNTIMES
 from gash_jax.apps.exports.onnx_file import onnx_model, save_onnx
+from gash_jax.apps.frontier.runtimes import onnx_calls
 from gash_jax.measure.provenance import provenance
 from gash_jax.models.model import Model, load_model, model_file
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -27,14 +28,12 @@ RESOLUTIONS = (10, 31)  # of spheres of 1002 and 9612 vertices
 QUICK = ("mlp", "local"), (4,)
 
 
-def onnx_inputs(model: Model, graph: Any) -> dict[str, np.ndarray]:
-    """Inputs of the ONNX file by name, from what the network reads of a mesh (docs/model_file.md)."""
-    if model.config.name == "local":
-        return {**graph.blocks, "slot": graph.slot}
-    given = {name: np.asarray(array) for name, array in graph.nodes.items()}
-    if hasattr(model.config, "neighbours"):
-        given["neighbours"] = np.asarray(graph.senders).reshape(-1, model.config.neighbours)
-    return given
+def onnx_arrays(model: Model, graph: Any) -> dict[str, np.ndarray]:
+    """Inputs of each call of the ONNX file as "number/name", and where the vertices are in its results, "place"."""
+    calls, place = onnx_calls(model.config, graph)
+    given = {f"{i}/{name}": np.asarray(array) for i, call in enumerate(calls) for name, array in call.items()}
+    rows = sum(len(call["normal"]) for call in calls)
+    return {**given, "place": np.arange(rows)[place]}
 
 
 def write_files(name: str, resolution: int, folder: Path) -> tuple[dict[str, Path], Path, int]:
@@ -43,8 +42,7 @@ def write_files(name: str, resolution: int, folder: Path) -> tuple[dict[str, Pat
     weights: Any = flatten_dict(model.params, sep="/")
     arrays = {key: np.asarray(leaf, np.float32) for key, leaf in weights.items()}
     save_onnx(folder / "model.onnx", onnx_model(model.config, arrays, {}))
-    # no input of a network has the name of one of the mesh's own arrays
-    every: dict[str, Any] = {**mesh._asdict(), **onnx_inputs(model, model.graph(mesh))}
+    every: dict[str, Any] = {**mesh._asdict(), **onnx_arrays(model, model.graph(mesh))}
     np.savez(folder / "arrays.npz", **every)
     files = {"jax": model_file(name), "onnx": folder / "model.onnx", "numpy": model_file(name)}
     return files, folder / "arrays.npz", len(mesh.vertices)

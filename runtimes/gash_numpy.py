@@ -11,8 +11,13 @@ neighbours of a "rings" graph, which come from NumPy's PCG64 with a given seed. 
 
     coefficients, error = predict_with_error(model, vertices, normals, faces)      # both (v, B*B)
 
-also says how far it expects to be off. Its graph rests on comparisons of floating-point numbers; they are made here in
-the order and the precision of the package, so that both choose alike.
+also says how far it expects to be off. It may know more than the 3 bands that it says, and light that bounces:
+
+    model = load_model("model.npz", bands=6)
+    coefficients, error = predict_with_error(model, vertices, normals, faces, bounces=2, albedo=0.5)
+
+Its tree rests on comparisons of floating-point numbers; they are made here in the order and the precision of the
+package, so that both build the same.
 """
 
 import json
@@ -33,11 +38,12 @@ FRAMES = ("mixed", "world", "vertex")
 
 
 class Model(NamedTuple):
-    """The "model" table of the metadata, the arrays by name in float32, and what the weights are called."""
+    """The "model" table of the metadata, the arrays by name in float32, what the weights are called, and "bound"."""
 
     config: dict[str, Any]
     arrays: dict[str, np.ndarray]
     name: str = ""
+    bound: float | None = None  # 90 % of partly hidden vertices err by at most this times what is expected of them
 
 
 def read_file(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -51,13 +57,27 @@ def read_file(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return metadata, {name: array.astype(np.float32) for name, array in arrays.items()}
 
 
-def load_model(path: str) -> Model:
-    """Read a model file. Raises ValueError for anything else."""
+def load_model(path: str, bands: int | None = None) -> Model:
+    """Read a model file, to say its own bands, or as many as are asked of those that it knows.
+
+    Raises ValueError for anything else.
+    """
     metadata, arrays = read_file(path)
     if metadata.get("format") != "gash-model" or metadata.get("version") != 1:
         raise ValueError(f"{path} is not a model file of version 1")
     arrays = {OLD_NAMES.get(name, name): array for name, array in arrays.items()}
-    return Model(metadata["model"], arrays, metadata.get("name", ""))
+    config = metadata["model"]
+    if bands is not None and bands != config["bands"]:
+        known = known_bands(config)
+        if config["name"] != "local" or not 1 <= bands <= known:
+            raise ValueError(f"bands={bands}: model {config['name']} knows {known}")
+        config = {**config, "bands": bands, "known_bands": known}
+    return Model(config, arrays, metadata.get("name", ""), metadata.get("bound"))
+
+
+def known_bands(config: dict[str, Any]) -> int:
+    """How many bands the arrays of a model are for."""
+    return max(config["bands"], config.get("known_bands", 1))
 
 
 # ---------------------------------------------------------------- spherical harmonics (section "Closed form")
@@ -245,10 +265,9 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 # ---------------------------------------------------------------- surfels (section "Surfels")
 
 FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
-SURFACE_BITS, VERTEX_BITS, CURVE_BITS = 9, 12, 30
-BLOCK, NEAR, SMALLEST, NEGLIGIBLE = 16, 8, 0.4, np.float32(1 / 16)
-# eight steps to an octave, from 14/128 to 1
-LADDER = np.array([(8 + i % 8) / 8 * 2.0 ** (i // 8 - 4) for i in range(6, 33)], np.float32)
+LEAD_BITS, CURVE_BITS = 9, 30
+OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.11), np.float32(0.01), 128.0, 256
+NEAR, TOGETHER = 8, 512  # near corners; vertices at a time, so that memory is bounded
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
 ROW, COLUMN = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
 
@@ -273,8 +292,8 @@ PIECES = np.concatenate([triangle_parts(k) for k in range(1, MOST_PARTS + 1)])
 PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
 
 
-def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, lead_bits: int) -> np.ndarray:
-    """Order along a Morton curve through the points' box; after `lead_bits` bits comes the octant of the normal."""
+def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Order along a Morton curve through the points' box; after LEAD_BITS bits comes the octant of the normal."""
     turn = np.asarray(axes.T, np.float32)
     local = turn @ np.asarray(points, np.float32).T
     local = local - (local.min(axis=1) + local.max(axis=1))[:, None] / 2
@@ -285,7 +304,7 @@ def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, lead_
         for i in range(3):
             code |= ((cell[:, i] >> bit) & 1) << (3 * bit + 2 - i)
     octant = np.array([4, 2, 1]) @ (turn @ np.asarray(normals, np.float32).T > 0)
-    low = CURVE_BITS - lead_bits
+    low = CURVE_BITS - LEAD_BITS
     code = ((code >> low) << (low + 3)) | (octant << low) | (code & ((1 << low) - 1))
     return np.argsort(code, kind="stable").astype(np.int32)
 
@@ -352,7 +371,7 @@ def build_tree(points: np.ndarray, faces: np.ndarray, area: np.ndarray, axes: np
     corners, weights = points[faces], PIECES.mean(axis=1)[piece]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[face]
     middle = sum(weights[:, i, None] * corners[face, i] for i in range(3))
-    order = curve_order(np.asarray(middle), facing, axes, SURFACE_BITS)
+    order = curve_order(np.asarray(middle), facing, axes)
     sizes = [max(len(order), 1)]
     while sizes[0] > TOP:
         sizes.insert(0, -(-sizes[0] // FAN))
@@ -403,58 +422,59 @@ def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndar
     return np.stack([*moments[:7], size, *adjugate, *moments[7:]], axis=1)
 
 
-def importance(
-    records: np.ndarray, own: np.ndarray, block: np.ndarray, node: np.ndarray
+def importance(surfel: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Of pairs: centroids and sizes (4, n) of surfels, positions and normals (6, n) of vertices."""
+    x, y, z = surfel[:3] - own[:3]
+    s = surfel[3]
+    up = np.maximum(own[3] * x + own[4] * y + own[5] * z + np.float32(1.5) * s, 0)
+    square = x * x + y * y + z * z + s * s + np.float32(1e-12)
+    return np.minimum(up / np.sqrt(square), 1) * (s * s) / square
+
+
+def list_pairs(tree: Tree, surfel: np.ndarray, own: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, ...]:
+    """What is in the lists of some vertices: vertex, surfel, weight, importance; `scale` multiplies the importance."""
+    count, top = own.shape[1], tree.level_sizes[0]
+    vertex, node = np.repeat(np.arange(count), top), np.tile(np.arange(top), count)
+    reached: Any = np.float32(1)  # how far the surfels above a surfel are open
+    seen = [(vertex[:0], node[:0], scale[:0], scale[:0])]
+    while len(vertex):
+        weighty = importance(surfel[:, node], own[:, vertex]) * scale[vertex]
+        opened = np.clip(weighty * (1 / OPENING) - 1, 0, 1) * (tree.first_child[node] >= 0)
+        weight = np.clip(weighty * (1 / NEGLIGIBLE) - 1, 0, 1) * (1 - opened) * reached
+        opened = opened * reached
+        kept, parents = weight > 0, opened > 0
+        seen.append((vertex[kept], node[kept], weight[kept], weighty[kept]))
+        vertex, reached = np.repeat(vertex[parents], FAN), np.repeat(opened[parents], FAN)
+        node = (tree.first_child[node[parents]][:, None] + np.arange(FAN)).reshape(-1)
+    return tuple(np.concatenate(parts) for parts in zip(*seen, strict=True))
+
+
+def list_surfels(
+    tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of pairs of block and surfel; and where the surfel is too small to be opened. `own`: (8, b)."""
-    s = records[node, 7]
-    x, y, z = (records[node, i] - own[i, block] for i in range(3))
-    ax, ay, az, r, spread = own[3:, block]
-    square = x * x + y * y + z * z
-    d = np.sqrt(square)
-    cosine = (ax * x + ay * y + az * z + 1.5 * s + 0.3 * r) / (d + r + np.float32(1e-12))
-    up = np.minimum(0.5 * (cosine + np.sqrt(cosine * cosine + spread)), 1)
-    found = (s * s / (square + r * r + s * s + np.float32(1e-12))) * up * np.float32(0.999)
-    return found * (records[node, 6] > 0), s <= SMALLEST * r
+    """The list of each vertex, the most important first: rows of `records` and their weights, both (v, n).
 
-
-def select_surfels(tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray, count: int) -> np.ndarray:
-    """Rows of `records` that each block (points, normals: (b, 16, 3)) looks at: the finest cut that fits."""
-    blocks, middle, axis = len(points), points.mean(axis=1), normals.mean(axis=1)
-    radius = np.sqrt(np.mean(np.sum((points - middle[:, None]) ** 2, axis=-1), axis=1))
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-6)
-    cosine = np.clip(np.mean(normals @ axis[:, :, None], axis=(1, 2)), 0, 1)
-    own = np.array([*middle.T, *axis.T, radius, 0.25 * (1 - cosine**2)], np.float32)
-    block = np.repeat(np.arange(blocks), tree.level_sizes[0])
-    node = np.tile(np.arange(tree.level_sizes[0]), blocks)
-    below = np.full(len(block), len(LADDER))
-    seen = []
-    while len(block):
-        weight, small = importance(records, own, block, node)
-        # a surfel belongs to the cuts of the steps since <= step < below
-        since = np.searchsorted(LADDER, weight)
-        opened = (since > 0) & (tree.first_child[node] >= 0) & ~small
-        since[~opened] = 0
-        last = np.minimum(below, np.searchsorted(LADDER, weight / NEGLIGIBLE))  # beyond, it is negligible
-        keep = since < last
-        seen.append((block[keep], node[keep], weight[keep], since[keep], last[keep]))
-        block, below = np.repeat(block[opened], FAN), np.repeat(np.minimum(since, below)[opened], FAN)
-        node = (tree.first_child[node[opened]][:, None] + np.arange(FAN)).reshape(-1)
-    block, node, weight, since, below = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    step = np.full(blocks, len(LADDER) - 1)
-    for k in reversed(range(len(LADDER))):
-        fits = np.bincount(block[(since <= k) & (k < below)], minlength=blocks) <= count
-        step[fits] = k
-    chosen = (since <= step[block]) & (step[block] < below)
-    block, node, weight = block[chosen], node[chosen], weight[chosen]
-    order = np.argsort(block - weight.astype(np.float64), kind="stable")
-    block, node = block[order], node[order]
-    found = np.bincount(block, minlength=blocks)
-    rank = np.arange(len(block)) - np.repeat(np.cumsum(found) - found, found)
-    table = np.full((blocks, count), len(records) - 1)
-    fits = rank < count
-    table[block[fits], rank[fits]] = node[fits]
-    return table
+    Lists are filled up to the length of the longest, with the empty record and weight 0.
+    """
+    size = np.where(records[:, 6] > 0, records[:, 7], 0)  # without area nothing is important
+    surfel = np.stack([*records[:, :3].T, size])
+    own = np.concatenate([points, normals], axis=1, dtype=np.float32).T
+    count = len(points)
+    pairs = list_pairs(tree, surfel, own, np.ones(count, np.float32))
+    total = np.bincount(pairs[0], pairs[2], count)
+    crowded = np.flatnonzero(total > FULL)
+    again = list_pairs(tree, surfel, own[:, crowded], (FULL / total[crowded]).astype(np.float32))
+    calm = total[pairs[0]] <= FULL
+    again = (crowded[again[0]], *again[1:])
+    vertex, node, weight, weighty = (np.concatenate([a[calm], b]) for a, b in zip(pairs, again, strict=True))
+    order = np.lexsort((-weighty, vertex))
+    vertex, node, weight = vertex[order], node[order], weight[order]
+    found = np.bincount(vertex, minlength=count)
+    rank = np.arange(len(vertex)) - np.repeat(np.cumsum(found) - found, found)
+    fits, length = rank < LONGEST, min(max(found.max(), 1), LONGEST)
+    table, weights = np.full((count, length), len(records) - 1), np.zeros((count, length), np.float32)
+    table[vertex[fits], rank[fits]], weights[vertex[fits], rank[fits]] = node[fits], weight[fits]
+    return table, weights
 
 
 def corner_table(faces: np.ndarray, n_vertices: int) -> np.ndarray:
@@ -575,15 +595,21 @@ def quadratic(form: Any, u: Any) -> np.ndarray:
     return form[0] * x * x + form[1] * y * y + form[2] * z * z + 2 * mixed
 
 
-def twisted_frames(normals: np.ndarray, u: Any, above: np.ndarray, angle: np.ndarray, near: Any) -> np.ndarray:
-    """Frames (b, 16, 3, 3) whose first axis points to where most is hidden."""
-    weight = above + 1e-3 * angle
-    hidden = [(weight * a).sum(-1) + 1e-4 * b.mean(-1) for a, b in zip(u, near, strict=True)]
-    hidden = np.stack(hidden, axis=-1)
-    tangent = hidden - (hidden * normals).sum(-1, keepdims=True) * normals
-    other = orthonormal_frame(normals.reshape(-1, 3)).reshape(*normals.shape, 3)[..., 0]
-    tangent = np.where((tangent * tangent).sum(-1, keepdims=True) > 1e-16, tangent, other)
-    tangent = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
+def vertex_axes(normals: np.ndarray, u: Any, weight: np.ndarray, corner: np.ndarray) -> np.ndarray:
+    """Frames (v, 3, 3) whose first axis points to where most is hidden; `corner` (v, 3): where the first corner is."""
+
+    def tangential(x: np.ndarray) -> np.ndarray:
+        return x - (x * normals).sum(-1, keepdims=True) * normals
+
+    tangent = tangential(np.stack([(weight * a).sum(-1) for a in u], axis=-1))
+    length = np.sqrt((tangent * tangent).sum(-1) + np.float32(1e-20))
+    missing = np.maximum(np.float32(0.1) * weight.sum(-1) - length, 0)
+    other = unit_vectors(tangential(corner))
+    # turned by 0.3 about the normal: often the corner is just opposite to the tangent, and their sum could vanish
+    other = np.float32(math.cos(0.3)) * other + np.float32(math.sin(0.3)) * np.cross(normals, other)
+    tangent = tangent + missing[:, None] * other
+    known = (tangent * tangent).sum(-1, keepdims=True) > 1e-16
+    tangent = unit_vectors(np.where(known, tangent, orthonormal_frame(normals)[..., 0]))
     return np.stack([tangent, np.cross(normals, tangent), normals], axis=-1)
 
 
@@ -593,41 +619,47 @@ def root(distance: np.ndarray) -> np.ndarray:
 
 
 def encode(
-    a: dict[str, np.ndarray], surfels: np.ndarray, points: np.ndarray, normals: np.ndarray, near: np.ndarray
+    a: dict[str, np.ndarray],
+    surfels: np.ndarray,
+    weight: np.ndarray,
+    points: np.ndarray,
+    normals: np.ndarray,
+    near: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pooled features, frames, and how much stands above the tangent plane, for blocks of vertices.
+    """Pooled features, frames, and how much stands above the tangent plane, of vertices.
 
-    `surfels` (b, n, 20), `points` and `normals` (b, 16, 3), `near` (b, 16, 8, 6).
+    `surfels` (v, n, 20), `weight` (v, n), `points` and `normals` (v, 3), `near` (v, 8, 6).
     """
-    record = np.moveaxis(surfels, -1, 0)[:, :, None]  # (20, b, 1, n)
-    own = np.moveaxis(normals, -1, 0)[..., None]
-    offset = record[:3] - np.moveaxis(points, -1, 0)[..., None]
+    record = np.moveaxis(surfels, -1, 0)  # (20, v, n)
+    own = normals.T[:, :, None]
+    offset = record[:3] - points.T[:, :, None]
     square = dot(offset, offset) + np.float32(1e-12)
     d = np.sqrt(square)
     u = offset / d
     vector, area, size = record[3:6], record[6], record[7]
-    floor = (np.float32(0.01 / (4 * math.pi)) * area) ** 2 + np.float32(1e-36)
+    floor = (np.float32(0.03 / (4 * math.pi)) * area) ** 2 + np.float32(1e-36)
     projected = 4 * math.pi * np.sqrt(np.maximum(quadratic(record[8:14], u), 0) + floor)
     covered = np.minimum(projected, area)
     angle = covered / (covered + square)
     height = dot(u, own)
-    above = angle * np.maximum(height - np.float32(1e-6) / d, 0)  # what is that low is in the tangent plane
+    counted = weight * angle
+    above = counted * np.maximum(height - np.float32(1e-6) / d, 0)  # what is that low is in the tangent plane
     reach = np.minimum(np.sqrt(np.maximum(quadratic(record[14:], own), 0) + np.float32(1e-20)) / d, np.float32(4))
     corner = np.moveaxis(near, -1, 0)
     length = np.sqrt(dot(corner, corner) + np.float32(1e-12))
     v = corner[:3] / length
-    frames = twisted_frames(normals, u, above, angle, v)
-    axes = [[frames[..., i, j, None] for i in range(3)] for j in range(3)]
+    frames = vertex_axes(normals, u, above + np.float32(1e-3) * counted, v[:, :, 0].T)
+    axes = [[frames[:, i, j, None] for i in range(3)] for j in range(3)]
 
     x, y = dot(u, axes[0]), dot(u, axes[1])
     flux = np.clip(-dot(u, vector) / np.maximum(covered, np.float32(1e-18)), -2, 2)
     facing = [dot(vector, axis) / np.maximum(area, np.float32(1e-18)) for axis in axes]
     features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
-    features += [np.sqrt(angle), flux, reach, size / (size + d), facing[2], facing[0], facing[1]]
-    features += [root(d)]
+    features += [np.sqrt(np.maximum(angle, np.float32(1e-20))), flux, reach, size / (size + d)]
+    features += [facing[2], facing[0], facing[1], root(d)]
     h = relu(dense(a, "surfel", np.stack(features, axis=-1)))
-    weights = np.stack([above, angle * np.clip(height + reach, 0, 1)], axis=2)
-    pooled = (weights @ h).reshape(*points.shape[:2], -1)
+    weights = np.stack([above, counted * np.clip(height + reach, 0, 1)], axis=1)
+    pooled = (weights @ h).reshape(len(points), -1)
 
     x, y, z = (dot(v, axis) for axis in axes)
     relative = length / (length.mean(-1, keepdims=True) + 1e-9)
@@ -635,54 +667,78 @@ def encode(
     features += [dot(corner[3:], v), relative, root(length)]
     g = relu(dense(a, "near", np.stack(features, axis=-1)))
     total = above.sum(-1)
-    extra = total[..., None], above.max(-1, keepdims=True), root(length.mean(-1, keepdims=True))
-    z = np.concatenate([pooled, g.mean(2), g.max(2), *extra], axis=-1)
+    extra = np.stack([total, above.max(-1), root(length.mean(-1))], axis=-1)
+    z = np.concatenate([pooled, g.mean(1), g.max(1), extra], axis=-1)
     return z, frames, total + np.maximum(dot(v, own) - np.float32(1e-6) / length, 0).mean(-1)
 
 
-def surfel_net(model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
-    """Coefficients and expected error of every vertex, both (v, B*B), after the fallback."""
+def log_errors(a: dict[str, np.ndarray], name: str, x: np.ndarray) -> np.ndarray:
+    """Logarithms of mean square errors, between -14 and -3."""
+    said = dense(a, f"{name}_head", np.tanh(dense(a, f"{name}_hidden", x)))
+    return -14 + 11 / (1 + np.exp(-said.astype(np.float64)))
+
+
+def decode(
+    model: Model, z: np.ndarray, frames: np.ndarray, seen: np.ndarray, normals: np.ndarray, bounces: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """What `surfel_net` returns, from what `encode` found."""
     config, a, bands = model.config, model.arrays, model.config["bands"]
+    known = known_bands(config)
+    base, k = min(3, known), bands * bands
+    higher = known - base
+    x = relu(dense(a, "mix", z))
+    for i in range(config["layers"]):
+        x = x + relu(dense(a, f"hidden_{i}", x))
+    said, logs = dense(a, "head", x), log_errors(a, "error", x)
+    own, formula = logs[:, :base], logs[:, base:]
+    log_bounced: list[np.ndarray] = []
+    if bands > base or bounces:
+        y = relu(dense(a, "further_mix", z))
+        y = y + relu(dense(a, "further_hidden", y))
+        said, logs = np.concatenate([said, dense(a, "further_head", y)], axis=1), log_errors(a, "further_error", y)
+        own = np.concatenate([own, logs[:, :higher]], axis=1)
+        formula = np.concatenate([formula, logs[:, higher : 2 * higher]], axis=1)
+        log_bounced = [logs[:, 2 * higher + i * known :][:, :bands] for i in range(bounces)]
+    gate = (seen / (seen + np.float32(0.01)))[:, None]
+    # first what is said of the direct light, then of each bounce
+    terms = [rotate_sh(gate * said[:, i * known * known :][:, :k], frames) for i in range(bounces + 1)]
+    own, formula = own[:, :bands], formula[:, :bands]
+    trust = np.exp(np.minimum(formula - own, 0))  # drawn to the closed form where that is expected to be better
+    errors = [np.sqrt(trust**2 * np.exp(own) + (1 - trust) ** 2 * np.exp(formula))]
+    errors += [np.exp(log / 2) for log in log_bounced]
+    each = 2 * np.arange(bands) + 1  # coefficients of a band
+    terms[0] = closed_form(normals.astype(np.float64), bands) + np.repeat(trust, each, axis=1) * terms[0]
+    errors = [np.repeat(gate * error, each, axis=1) for error in errors]
+    return tuple(np.stack([finished(term, normals) for term in found]) for found in (terms, errors))  # type: ignore[return-value]
+
+
+def surfel_net(
+    model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, bounces: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of every vertex the direct coefficients and what each bounce adds off white surfaces; and their expected errors.
+
+    Both (1 + bounces, v, B*B), after the fallback. Raises ValueError for more bounces than the model knows.
+    """
+    most = model.config.get("known_bounces", 0)
+    if bounces > most:
+        raise ValueError(f"bounces={bounces}: model local knows {most or 'none'}")
     points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
     first = first_of_repeated(points, normals)
     faces = outward_faces(vertices, normals, first[faces])
     area = face_areas(vertices, faces)
-    axes = surface_axes(points, faces, area)
-    tree = build_tree(points, faces, area, axes)
-    records = surfel_records(tree, points, faces)
+    tree = build_tree(points, faces, area, surface_axes(points, faces, area))
+    records, corners = surfel_records(tree, points, faces), corner_table(faces, len(points))
+    shape = bounces + 1, len(points), model.config["bands"] ** 2
+    coefficients, errors = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     alone = np.flatnonzero(first == np.arange(len(first)))
-    order = alone[curve_order(points[alone], normals[alone], axes, VERTEX_BITS)]
-    blocks = np.append(order, np.repeat(order[-1:], -len(order) % BLOCK)).reshape(-1, BLOCK)
-    corners = corner_table(faces, len(points))
-    coefficients, errors = (np.zeros((len(points), bands * bands), np.float32) for _ in range(2))
-    for start in range(0, len(blocks), 256):  # memory is bounded, and ties are rounded as in the package
-        own = blocks[start : start + 256]
+    for start in range(0, len(alone), TOGETHER):
+        own = alone[start : start + TOGETHER]
         place, facing, seen_from = points[own], normals[own], corners[own]
-        near = np.concatenate([points[seen_from] - place[:, :, None], normals[seen_from]], axis=-1)
-        table = select_surfels(tree, records, place, facing, config["neighbours"])
-        z, frames, seen = encode(a, records[table], place, facing, near)
-        x = relu(dense(a, "mix", z.reshape(own.size, -1)))
-        for i in range(config["layers"]):
-            x = x + relu(dense(a, f"hidden_{i}", x))
-        gate = (seen / (seen + np.float32(0.01))).reshape(-1, 1)
-        residual = rotate_sh(gate * dense(a, "head", x), frames.reshape(-1, 3, 3))
-        log_mse = dense(a, "error_head", np.tanh(dense(a, "error_hidden", x)))
-        log_mse = -14 + 11 / (1 + np.exp(-log_mse))
-        # the last block repeats its last vertex, with the same result
-        found = fall_back(residual, log_mse, facing.reshape(-1, 3))
-        coefficients[own.reshape(-1)], errors[own.reshape(-1)] = found
-    return [coefficients[first], errors[first]]
-
-
-def fall_back(residual: np.ndarray, log_mse: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drawn to the closed form where that is expected to be better; `log_mse`: log mean square errors of both."""
-    bands = log_mse.shape[1] // 2
-    own, formula = log_mse[:, :bands].astype(np.float64), log_mse[:, bands:].astype(np.float64)
-    trust = np.exp(np.minimum(formula - own, 0))
-    error = np.sqrt(trust**2 * np.exp(own) + (1 - trust) ** 2 * np.exp(formula))
-    trust, error = (np.repeat(x, 2 * np.arange(bands) + 1, axis=1) for x in (trust, error))
-    coefficients = closed_form(normals.astype(np.float64), bands) + trust * residual
-    return finished(coefficients, normals), finished(error, normals)
+        near = np.concatenate([points[seen_from] - place[:, None], normals[seen_from]], axis=-1)
+        table, weight = list_surfels(tree, records, place, facing)
+        found = encode(model.arrays, records[table], weight, place, facing, near)
+        coefficients[:, own], errors[:, own] = decode(model, *found, facing, bounces)
+    return coefficients[:, first], errors[:, first]
 
 
 def bounding_box(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
@@ -743,7 +799,7 @@ def predict(
     if config.get("encoding", usual) != usual:
         raise ValueError(f"{name} with the encoding {config['encoding']}: this file knows {usual} only")
     if name == "local":
-        return surfel_net(model, vertices, normals, faces)[0]
+        return surfel_net(model, vertices, normals, faces)[0][0]
     positions, used = normalised_positions(vertices, faces)
     motor = motors(positions, normals)
     if name == "mlp":
@@ -774,16 +830,18 @@ def predict(
 
 
 def predict_with_error(
-    model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray
+    model: Model, vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, bounces: int = 0, albedo: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients and how far they are expected to be off, one number a band, both (v, B*B) float32.
 
-    Raises ValueError for a model other than `local`: only that one says so.
+    With `bounces` of light off surfaces of one grey albedo. Raises ValueError for a model other than `local`: only that
+    one says so; and for more bounces than it knows.
     """
     if model.config["name"] != "local":
         raise ValueError(f"model {model.config['name']} does not predict its error: only local does")
-    coefficients, errors = surfel_net(model, vertices, np.asarray(normals, np.float32), faces)
-    return coefficients, errors
+    terms, errors = surfel_net(model, vertices, np.asarray(normals, np.float32), faces, bounces)
+    powers = np.float32(albedo) ** np.arange(bounces + 1, dtype=np.float32)
+    return np.tensordot(powers, terms, 1), np.tensordot(powers, errors, 1)
 
 
 # ---------------------------------------------------------------- section "Models of one object that deforms"
@@ -921,6 +979,8 @@ def predict_transfer(
         "seconds": {"total": time.perf_counter() - started},
         "software": {"python": platform.python_version(), "numpy": np.__version__},
     }
+    if "predicted_error" in arrays and model.bound is not None:
+        metadata["bound"] = model.bound
     arrays = {name: np.ascontiguousarray(array, "<f4") for name, array in arrays.items()}
     arrays |= {"vertices": np.ascontiguousarray(vertices, "<f4"), "normals": np.ascontiguousarray(normals, "<f4")}
     return {**arrays, "faces": np.ascontiguousarray(faces, "<i4"), "metadata": np.array(json.dumps(metadata))}

@@ -28,7 +28,7 @@ CONFIGS: dict[str, dict[str, Any]] = {
     "teacher": {**SEEING, "name": "teacher"},
     "two-stage": {**SEEING, "name": "two-stage", "visibility_channels": 4, "visibility_layers": 1},
     "rings": {**SMALL, "name": "rings", "heads": 2, "neighbours": 4},
-    "local": {**SMALL, "name": "local", "neighbours": 8},
+    "local": {**SMALL, "name": "local", "bands": 4, "known_bands": 4, "known_bounces": 1},
 }
 VISIBILITY = np.array([[1, 0, 1], [1, 1, 0], [0, 1, 1], [1, 1, 1]], np.float32)
 
@@ -100,24 +100,37 @@ def edges() -> Rows:
     return [*rows, [f"edge to vertex {table[VERTEX, 0]}", _numbers(features)]]
 
 
-def surfels() -> Rows:
-    """Tree, records and the choice of the only block."""
+def _surfels() -> tuple[np.ndarray, gash.Tree, np.ndarray]:
+    """Axes, tree and records."""
     units, faces = _units()[1], gash.outward_faces(VERTICES, NORMALS, FACES)
     area = gash.face_areas(VERTICES, faces)
     axes = gash.surface_axes(units, faces, area)
     tree = gash.build_tree(units, faces, area, axes)
-    records = gash.surfel_records(tree, units, faces)
-    order = gash.curve_order(units, NORMALS, axes, gash.VERTEX_BITS)
-    block = np.append(order, np.repeat(order[-1:], gash.BLOCK - len(order)))[None]
-    chosen = gash.select_surfels(tree, records, units[block], NORMALS[block], 8)[0]
+    return axes, tree, gash.surfel_records(tree, units, faces)
+
+
+def _read() -> tuple[np.ndarray, ...]:
+    """What `local` reads of the vertex, as `gash.encode` takes it; and the rows of its list."""
+    (_, tree, records), units, one = _surfels(), _units()[1], slice(VERTEX, VERTEX + 1)
+    table, weight = gash.list_surfels(tree, records, units[one], NORMALS[one])
+    corners = gash.corner_table(gash.outward_faces(VERTICES, NORMALS, FACES), 4)[VERTEX]
+    near = np.concatenate([units[corners] - units[VERTEX], NORMALS[corners]], axis=1)
+    return records[table], weight, units[one], NORMALS[one], near[None], table
+
+
+def surfels() -> Rows:
+    """Tree, records and the list of the vertex."""
+    axes, tree, records = _surfels()
+    _, weight, *_, table = _read()
     rows: Rows = [[f"axis {i}", _numbers(axes[:, i])] for i in range(3)]
     rows += [["level sizes", _numbers(tree.level_sizes)], ["first child of row 0", _numbers(tree.first_child[0])]]
     leaf = sum(tree.level_sizes[:-1])
     part = tree.piece[leaf] - gash.PIECE_START[gash.MOST_PARTS - 1]  # both faces are cut into most parts
     rows += [[f"row {leaf}: face, part of it", _numbers([tree.face[leaf], part])]]
     rows += [["record of row 0", _numbers(records[0])], [f"record of row {leaf}", _numbers(records[leaf])]]
-    rows += [["order of the vertices", _numbers(order)], ["rows of the block's 8 surfels", _numbers(chosen)]]
-    return [*rows, ["near corners", _numbers(gash.corner_table(faces, 4)[VERTEX])]]
+    rows += [["length of the list", _numbers(table.shape[1])], ["its rows", _numbers(table)]]
+    near = gash.corner_table(gash.outward_faces(VERTICES, NORMALS, FACES), 4)[VERTEX]
+    return [*rows, ["their weights", _numbers(weight)], ["near corners", _numbers(near)]]
 
 
 def layers() -> Rows:
@@ -154,9 +167,20 @@ def models(shapes: dict[str, dict[str, tuple[int, ...]]]) -> Rows:
         told = VISIBILITY if name == "teacher" else None
         rows.append([f"`{name}`", _numbers(gash.predict(model, VERTICES, NORMALS, FACES, told)[VERTEX])])
         if name == "local":
-            error = gash.predict_with_error(model, VERTICES, NORMALS, FACES)[1]
-            rows.append(["`local`, predicted error", _numbers(error[VERTEX])])
+            rows += _local(model)
     return rows
+
+
+def _local(model: gash.Model) -> Rows:
+    """What else `local` says, and on the way to it."""
+    z, frames, seen = gash.encode(model.arrays, *_read()[:5])
+    terms, errors = gash.surfel_net(model, VERTICES, NORMALS, FACES, bounces=1)
+    by_band = np.arange(4) ** 2  # of the coefficients of a band the first: all have one error
+    rows: Rows = [["`local`, t", _numbers(frames[0, :, 0])], ["`local`, z", _numbers(z)]]
+    rows += [["`local`, Q", _numbers(seen)]]
+    rows += [["`local`, predicted error by band", _numbers(errors[0, VERTEX, by_band])]]
+    rows += [["`local`, first bounce", _numbers(terms[1, VERTEX])]]
+    return [*rows, ["`local`, predicted error of the first bounce by band", _numbers(errors[1, VERTEX, by_band])]]
 
 
 def deforming_models() -> dict[str, gash.Model]:

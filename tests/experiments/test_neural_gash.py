@@ -11,13 +11,14 @@ from benchmarks import corpus_sizes
 from docs import results_page, trial_tables
 from docs.conclusions import median_rays
 from docs.method_names import method_name
-from experiments.local import speed, trust
+from experiments.local import reach, speed, trust
 from experiments.neural_gash import curves, evaluate, latency, linear, pictures, scene, stages, validation, variants
 from gash_jax.measure.reference import make_reference
 from gash_jax.models.examples import Item
 from gash_jax.models.families import build_model, model_config, model_graph
 from gash_jax.models.model import Model, load_model, save_model
 from tests.helpers.bumpy import bumpy_mesh, random_variables
+from tests.helpers.first_edition import first_edition_of
 
 SMALL = {"channels": 8, "layers": 1, "heads": 2, "neighbours": 6}
 HEADER = (
@@ -180,10 +181,14 @@ def test_the_page_is_made_of_the_experiments(tmp_path: Path, monkeypatch: pytest
     trusted = trust.main("local", None, tmp_path / "trust.json", quick=True)
     assert all(row["same_max"] < 1e-4 and row["rebuilt_rms"] < 5e-3 for row in trusted["equivariance"])
     assert all(row["rotor"]["moved"] < 1e-4 < 0.1 < row["rotor"]["turned"] for row in trusted["equivariance"])
-    assert all(difference < 1e-4 for difference in trusted["convex"].values())
+    assert all(of["difference"] < 1e-4 for of in trusted["convex"].values())
     fast = speed.main("local", None, None, tmp_path / "speed.json", quick=True)
     assert all(row["network"] > 0 for row in fast["rows"]) and fast["sizes"][0]["vertices"] == 10242
+    assert all(row["bake, 64 rays"]["flicker"] > 0 for row in fast["motions"].values())
     results = {"neural_gash": result, "latency": times, "scene": moving, "local_trust": trusted, "local_speed": fast}
+    # of a network that is quick to measure; test_local.py measures one that knows more
+    results["local_reach"] = reach.main("mlp", None, None, quick=True)
+    results["local_first_edition"] = first_edition_of(["generated 1"])
     run = {"form": "gnn", "encoding": "motor", "seed": 0, "parameters": 1, "steps": 2, "skill": 0.5, "commit": "c"}
     committed = Path(results_page.__file__).parent / "results"
     kept = ("calibration", "error_target", "versor_speed")

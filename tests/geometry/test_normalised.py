@@ -79,7 +79,7 @@ def test_what_is_normalised_is_taken_as_it_is() -> None:
         (lambda mesh: build_graph(mesh, "rings", 8), {"vector_areas": 1, "referenced": 1}),
         (lambda mesh: build_graph(mesh, "rings", 8, encoding="relative-motor"), {"vector_areas": 1, "referenced": 1}),
         (lambda mesh: build_graph(mesh, "knn", 8), {"referenced": 1}),
-        (lambda mesh: surfel_graph(mesh, 24), {"vector_areas": 1, "referenced": 1}),
+        (lambda mesh: surfel_graph(mesh), {"vector_areas": 1, "referenced": 1}),
         (trace_geometry, {"referenced": 1}),
     ],
 )

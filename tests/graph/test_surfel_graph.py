@@ -1,4 +1,4 @@
-"""The graph of blocks: shapes, slots, corners by hand, faces put in order, and meshes with hardly anything in them."""
+"""The graph of parts by width: shapes, slots, corners by hand, faces in order, and meshes with hardly anything."""
 
 import jax
 import jax.numpy as jnp
@@ -10,16 +10,16 @@ from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.graph.surfel_graph import (
     NEAR,
     SurfelGraph,
-    block_arrays,
     corner_table,
     normalised,
     outward_faces,
+    part_arrays,
     plan_surfels,
     surfel_graph,
+    with_surfels,
 )
-from gash_jax.graph.surfel_selection import BLOCK
+from gash_jax.graph.surfel_lists import WIDTHS
 from gash_jax.graph.surfels import surfel_records
-from tests.helpers.bumpy import bumpy_mesh
 from tests.helpers.split import split_mesh
 
 TETRAHEDRON = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
@@ -35,43 +35,50 @@ def _finite(graph: object) -> bool:
 
 
 def test_shapes_and_types(bumpy: Mesh) -> None:
-    graph = surfel_graph(bumpy, 24)
-    blocks = -(-300 // BLOCK)
-    shapes = {name: leaf.shape for name, leaf in graph.blocks.items()}
-    expected = {"position": (blocks, BLOCK, 3), "normal": (blocks, BLOCK, 3), "near": (blocks, BLOCK, NEAR * 6)}
-    assert shapes == {**expected, "surfel": (blocks, 24, 20)}
+    graph = surfel_graph(bumpy)
+    assert len(graph.parts) == len(WIDTHS)
+    assert sum(len(part["normal"]) for part in graph.parts) == 300
+    for part, width in zip(graph.parts, WIDTHS, strict=True):
+        n = len(part["normal"])
+        expected = {"position": (n, 3), "normal": (n, 3), "near": (n, NEAR * 6)}
+        assert {name: a.shape for name, a in part.items()} == {**expected, "table": (n, width), "weight": (n, width)}
+        assert {name: a.shape for name, a in with_surfels(part, graph.records).items()} == {
+            **expected,
+            **{"weight": (n, width), "surfel": (n, width, 20)},
+        }
     assert (graph.slot.shape, graph.center.shape, graph.scale.shape) == ((300,), (3,), ())
     leaves = jax.tree.leaves(graph)
     assert all(isinstance(leaf, np.ndarray) and leaf.dtype in (np.float32, np.int32) for leaf in leaves)
     assert _finite(graph)
 
 
-def test_blocks_carry_the_records_of_their_surfels(bumpy: Mesh) -> None:
-    plan, records = plan_surfels(bumpy, normalised(bumpy)[0], 24)
-    np.testing.assert_array_equal(surfel_graph(bumpy, 24).blocks["surfel"], records[plan.table])
+def test_parts_carry_the_lists_of_their_vertices(bumpy: Mesh) -> None:
+    plan, records = plan_surfels(bumpy, normalised(bumpy)[0])
+    graph = surfel_graph(bumpy)
+    np.testing.assert_array_equal(graph.records, records)
+    for part, (vertices, table, weight) in zip(graph.parts, plan.lists, strict=True):
+        np.testing.assert_array_equal(part["table"], table)
+        np.testing.assert_array_equal(part["weight"], weight)
+        np.testing.assert_array_equal(part["normal"], bumpy.normals[vertices])
+        seen = with_surfels(part, graph.records)["surfel"]
+        np.testing.assert_array_equal(seen, records[table])
+        # what fills a list is empty
+        assert not seen[weight == 0].any() and np.all(seen[weight > 0][:, 6] > 0)
 
 
 def _by_vertex(graph: SurfelGraph, name: str) -> np.ndarray:
-    return graph.blocks[name].reshape(-1, graph.blocks[name].shape[-1])[graph.slot]
+    return np.concatenate([part[name] for part in graph.parts])[graph.slot]
 
 
-def test_slots_lead_from_vertices_to_their_nodes(bumpy: Mesh) -> None:
-    graph = surfel_graph(bumpy, 8)
-    assert len(np.unique(graph.slot)) == 300
+def test_slots_lead_from_vertices_to_their_rows(bumpy: Mesh) -> None:
+    graph = surfel_graph(bumpy)
+    np.testing.assert_array_equal(np.sort(graph.slot), np.arange(300))
+    # lists are of several widths, so the order is not that of the mesh
+    assert not np.array_equal(graph.slot, np.arange(300))
     back = _by_vertex(graph, "position") * graph.scale + graph.center
     np.testing.assert_allclose(back, bumpy.vertices, atol=1e-6)
     np.testing.assert_array_equal(_by_vertex(graph, "normal"), bumpy.normals)
     np.testing.assert_allclose(graph.scale, NormalisedMesh(bumpy).radius, rtol=1e-6)
-
-
-def test_the_last_block_repeats_its_last_vertex() -> None:
-    graph = surfel_graph(bumpy_mesh(BLOCK + 3), 8)
-    assert graph.blocks["position"].shape == (2, BLOCK, 3)
-    for name in ("position", "normal", "near"):
-        leaf = graph.blocks[name].reshape(2 * BLOCK, -1)
-        np.testing.assert_array_equal(leaf[BLOCK + 3 :], np.tile(leaf[BLOCK + 2], (BLOCK - 3, 1)))
-    # of the repeated vertex the first node counts
-    assert graph.slot.max() == BLOCK + 2
 
 
 def test_corners_of_a_tetrahedron_by_hand() -> None:
@@ -82,7 +89,7 @@ def test_corners_of_a_tetrahedron_by_hand() -> None:
 
 def test_near_are_offsets_and_normals_of_corners() -> None:
     mesh = _tetrahedron()
-    graph = surfel_graph(mesh, 8)
+    graph = surfel_graph(mesh)
     corners = corner_table(outward_faces(mesh, np.arange(4))[0], 4)
     near = _by_vertex(graph, "near").reshape(4, NEAR, 6)
     unit = graph.scale
@@ -100,15 +107,20 @@ def test_faces_look_where_normals_do_and_come_once() -> None:
     assert faces.dtype == np.int32
 
 
-def test_a_seam_of_a_texture_changes_nothing(bumpy: Mesh) -> None:
+def test_vertices_at_one_place_with_one_normal_are_one(bumpy: Mesh) -> None:
+    """A seam of a texture changes nothing."""
     split, of = split_mesh(bumpy)
-    whole, graph = surfel_graph(bumpy, 8), surfel_graph(split, 8)
-    jax.tree.map(np.testing.assert_array_equal, graph.blocks, whole.blocks)
+    whole, graph = surfel_graph(bumpy), surfel_graph(split)
+    assert len(of) > 320
+    jax.tree.map(np.testing.assert_array_equal, graph.parts, whole.parts)
+    np.testing.assert_array_equal(graph.records, whole.records)
     np.testing.assert_array_equal(graph.slot, whole.slot[of])
     # two sides of a hard edge are two vertices: here all copies look elsewhere
     hard = split.normals.copy()
     hard[len(bumpy.vertices) :] *= -1
-    assert len(np.unique(surfel_graph(split._replace(normals=hard), 8).slot)) == len(of)
+    two = surfel_graph(split._replace(normals=hard))
+    assert len(np.unique(two.slot)) == len(of) == sum(len(part["normal"]) for part in two.parts)
+    np.testing.assert_array_equal(_by_vertex(two, "normal"), hard)
 
 
 def test_loose_vertices_and_zero_normals() -> None:
@@ -117,40 +129,45 @@ def test_loose_vertices_and_zero_normals() -> None:
     normals = np.concatenate([mesh.normals, np.zeros((1, 3))]).astype(np.float32)
     normals[1] = 0
     mesh = Mesh(vertices, normals, TETRAHEDRON)
-    graph = surfel_graph(mesh, 16)
+    graph = surfel_graph(mesh)
     assert _finite(graph)
     positions = _by_vertex(graph, "position")
     # within the box of the rest, and its own only corner
     np.testing.assert_allclose(np.abs(positions[:4]).max(), positions[4, 0], rtol=1e-6)
     near = _by_vertex(graph, "near")
     np.testing.assert_array_equal(near[4], 0)
-    alone = surfel_graph(_tetrahedron(), 16)
+    alone = surfel_graph(_tetrahedron())
     np.testing.assert_allclose(positions[:4], _by_vertex(alone, "position"), atol=1e-6)
 
 
-@pytest.mark.parametrize(("fold", "count"), [(0.0, 8), (1.0, 16)])
-def test_two_triangles_are_enough(fold: float, count: int) -> None:
+@pytest.mark.parametrize("fold", [0.0, 1.0])
+def test_two_triangles_are_enough(fold: float) -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, fold]], np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    graph = surfel_graph(Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces), count)
-    assert _finite(graph) and graph.blocks["position"].shape == (1, BLOCK, 3)
-    assert np.all(graph.blocks["surfel"][..., 6] > 0)
+    graph = surfel_graph(Mesh(vertices, angle_weighted_normals(vertices, faces).astype(np.float32), faces))
+    assert _finite(graph) and sum(len(part["normal"]) for part in graph.parts) == 4
+    for part in graph.parts:
+        assert np.all((graph.records[part["table"], 6] > 0) == (part["weight"] > 0))
 
 
 def test_a_mesh_without_area_has_a_graph() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
-    graph = surfel_graph(Mesh(vertices, np.zeros_like(vertices), np.array([[0, 1, 2]], np.int32)), 4)
-    assert _finite(graph)
-    np.testing.assert_array_equal(graph.blocks["surfel"], 0)
+    graph = surfel_graph(Mesh(vertices, np.zeros_like(vertices), np.array([[0, 1, 2]], np.int32)))
+    assert _finite(graph) and len(graph.parts[0]["normal"]) == 3
+    np.testing.assert_array_equal(with_surfels(graph.parts[0], graph.records)["surfel"], 0)
+    np.testing.assert_array_equal(graph.parts[0]["weight"], 0)
 
 
 def test_a_plan_serves_moved_vertices_under_jit(bumpy: Mesh) -> None:
     positions = normalised(bumpy)[0]
-    plan, records = plan_surfels(bumpy, positions, 8)
-    plain = block_arrays(plan, records, positions, bumpy.normals)
+    plan, records = plan_surfels(bumpy, positions)
 
     @jax.jit
-    def traced(p: jax.Array, n: jax.Array) -> dict:
-        return block_arrays(plan, surfel_records(plan.tree, p, plan.faces, jnp), p, n, jnp)
+    def traced(p: jax.Array, n: jax.Array) -> tuple:
+        found = surfel_records(plan.tree, p, plan.faces, jnp)
+        return tuple(with_surfels(part, found, jnp) for part in part_arrays(plan, p, n, jnp))
 
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), traced(positions, bumpy.normals), plain)
+    moved = (positions * np.array([1.1, 0.9, 1], np.float32)).astype(np.float32)
+    for own, known in ((positions, records), (moved, surfel_records(plan.tree, moved, plan.faces))):
+        plain = tuple(with_surfels(part, known) for part in part_arrays(plan, own, bumpy.normals))
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), traced(own, bumpy.normals), plain)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from gash_jax.geometry.mesh import Mesh, angle_weighted_normals
+from gash_jax.graph.surfel_graph import SurfelGraph, with_surfels
 
 
 def bumpy_mesh(count: int, seed: int = 0) -> Mesh:
@@ -36,5 +37,10 @@ def random_rotation(seed: int) -> np.ndarray:
 
 
 def network_inputs(graph: Any) -> Any:
-    """What a network is applied to, of what its family reads of a mesh: of the surfel network the blocks."""
-    return getattr(graph, "blocks", graph)
+    """What a network is applied to, of what its family reads of a mesh: of the surfel network its parts."""
+    return surfel_parts(graph) if isinstance(graph, SurfelGraph) else graph
+
+
+def surfel_parts(graph: SurfelGraph) -> tuple[Any, ...]:
+    """The parts of a graph as the surfel network reads them."""
+    return tuple(with_surfels(part, graph.records) for part in graph.parts)

@@ -20,8 +20,8 @@ from tests.helpers.bumpy import random_variables
 
 def tiny_model(bands: int = 3) -> Model:
     """A surfel network of random weights that compiles in little time."""
-    config = model_config("local", bands, channels=8, layers=1, neighbours=24)
-    variables = random_variables(build_model(config), model_graph(config, bumpy_sphere(3)).blocks, spread=0.1)
+    config = model_config("local", bands, channels=8, layers=1)
+    variables = random_variables(build_model(config), model_graph(config, bumpy_sphere(3)), spread=0.1)
     return Model(config, variables["params"])
 
 

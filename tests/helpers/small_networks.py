@@ -25,8 +25,8 @@ NETS = {
     "rings": model_config("rings", neighbours=16, **SMALL),
     "rings, 5 bands": model_config("rings", 5, neighbours=32, **SMALL),
     "versor": model_config("versor", channels=4, layers=1, neighbours=16),
-    "local": model_config("local", channels=8, layers=1, neighbours=16),
-    "local, 5 bands": model_config("local", 5, channels=8, neighbours=24),
+    "local": model_config("local", channels=8, layers=1),
+    "local, 5 bands": model_config("local", 5, channels=8),
 }
 
 # what all networks over motors end in, on the one that compiles fastest, and once each on the others

@@ -17,12 +17,12 @@ from tests.helpers.bumpy import random_rotation, random_variables
 MESH = bumpy_sphere(9)
 TILT = MESH.normals + 0.4 * np.sin(5 * MESH.vertices[:, [2, 0, 1]])
 SMOOTH = MESH._replace(normals=(TILT / np.linalg.norm(TILT, axis=1, keepdims=True)).astype(np.float32))
-CONFIG = model_config("local", channels=8, layers=1, neighbours=24)
+CONFIG = model_config("local", channels=8, layers=1)
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH).blocks, spread=0.1)
+    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH), spread=0.1)
     return Model(CONFIG, variables["params"])
 
 

@@ -15,8 +15,10 @@ from gash_jax.models.families import (
     config_from_dict,
     config_from_file,
     family_of,
+    labels_of,
     model_config,
     model_graph,
+    with_bands,
 )
 from tests.helpers.bumpy import bumpy_mesh, network_inputs, random_variables
 
@@ -29,8 +31,8 @@ def test_every_model_answers_the_contract(name: str, bands: int) -> None:
     module = build_model(config)
     variables = jax.eval_shape(module.init, jax.random.key(0), graph)
     out = jax.eval_shape(lambda v: module.apply(v, graph, deterministic=True), variables)
-    # surfels: its nodes fill two blocks of 16, and it says how far off it expects to be in every band
-    expected = (32, bands * bands + bands) if name == "local" else (20, bands * bands)
+    # surfels: it says how far off it expects to be in every band
+    expected = (20, bands * bands + (bands if name == "local" else 0))
     assert out.shape == expected  # type: ignore[union-attr]
 
 
@@ -94,6 +96,27 @@ def test_the_first_model_files_held_the_fields_of_all_families() -> None:
     assert config_from_file(old) == model_config("mlp", channels=64, layers=2)
     with pytest.raises(ConfigError, match="unknown key 'model.width'"):
         config_from_file({**old, "width": 3})
+
+
+def test_a_network_may_be_asked_for_fewer_bands_than_it_knows() -> None:
+    config: Any = model_config("local", 3, known_bands=6, known_bounces=2)
+    assert labels_of(config) == (6, 2) and labels_of(model_config("mlp", 4)) == (4, 0)
+    # without more that is known it is what is asked for
+    assert labels_of(model_config("local", 5)) == (5, 0)
+    for bands in (1, 3, 6):
+        asked: Any = with_bands(config, bands)
+        assert (asked.bands, labels_of(asked)) == (bands, (6, 2)) and with_bands(asked, 3) == config
+    fewer: Any = with_bands(model_config("local", 5), 2)
+    assert (fewer.bands, labels_of(fewer)) == (2, (5, 0))
+    assert with_bands(model_config("mlp", 4), 4) == model_config("mlp", 4)
+    for wrong, bands, words in (
+        (config, 7, "bands=7: model local knows 6 bands"),
+        (model_config("local", 1), 2, "knows 1 band$"),
+        (model_config("mlp", 4), 3, "says 4 bands, no other number"),
+        (model_config("mlp", 4), 5, "knows 4 bands"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            with_bands(wrong, bands)
 
 
 ENCODINGS = [

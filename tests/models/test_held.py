@@ -20,12 +20,12 @@ MESH = bumpy_sphere(9)
 TILT = MESH.normals + 0.4 * np.sin(5 * MESH.vertices[:, [2, 0, 1]])
 SMOOTH = MESH._replace(normals=(TILT / np.linalg.norm(TILT, axis=1, keepdims=True)).astype(np.float32))
 BENT = (MESH.vertices * (1 + 0.3 * MESH.vertices[:, :1])).astype(np.float32)
-CONFIG = model_config("local", channels=8, layers=1, neighbours=24)
+CONFIG = model_config("local", channels=8, layers=1)
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH).blocks, spread=0.1)
+    variables = random_variables(build_model(CONFIG), model_graph(CONFIG, MESH), spread=0.1)
     return Model(CONFIG, variables["params"])
 
 
@@ -96,7 +96,8 @@ def test_normals_of_a_pose_in_numpy_are_those_of_jax() -> None:
 def test_memory_is_that_of_the_arrays_and_grows_by_the_carried_normals(model: Model) -> None:
     held, count = HeldMesh(model, MESH), len(MESH.vertices)
     before = held.nbytes
-    assert before > sum(array.nbytes for array in MESH) + held.plan.table.nbytes
+    lists = sum(array.nbytes for part in held.plan.lists for array in part)
+    assert before > sum(array.nbytes for array in MESH) + lists
     held.predict(BENT)
     assert held.nbytes - before == count * (12 + 8 + 12)
 

@@ -26,7 +26,7 @@ SMALL: dict[str, dict[str, Any]] = {
     },
     "rings": {"channels": 8, "layers": 1, "heads": 2, "neighbours": 8},
     "versor": {"channels": 4, "layers": 1, "neighbours": 8},
-    "local": {"channels": 8, "layers": 1, "neighbours": 12},
+    "local": {"channels": 8, "layers": 1},
 }
 
 

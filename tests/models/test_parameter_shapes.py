@@ -17,7 +17,7 @@ SMALL = {
     "teacher": model_config("teacher", channels=8, layers=1, heads=2, neighbours=4),
     "rings": model_config("rings", channels=8, layers=1, heads=2, neighbours=8, bands=4),
     "versor": model_config("versor", channels=4, layers=1, neighbours=8, bands=4),
-    "local": model_config("local", channels=8, layers=1, neighbours=12),
+    "local": model_config("local", channels=8, layers=1),
 }
 
 

@@ -12,19 +12,15 @@ import pytest
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.mesh_graph import build_graph
-from gash_jax.graph.surfel_graph import normalised, plan_surfels
 from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph, traced_visibility
 from gash_jax.models.model import Model, load_model, shipped_models
 from gash_jax.prt.transfer import load_transfer
 from runtimes import gash_numpy
 from tests.helpers.bumpy import bumpy_mesh, network_inputs
 from tests.helpers.small_networks import ENDS, MESHES, NETS, written
-from tests.helpers.split import split_mesh
 
 ROOT = Path(__file__).parents[2]
-SPLIT = {**MESHES, "split": split_mesh(MESHES["generated"])[0]}
 KNOWN = {net: config for net, config in NETS.items() if config.name != "versor"}
-SURFEL_NETS = [name for name, config in NETS.items() if config.name == "local"]
 
 
 def _assert_equal(found: np.ndarray, truth: np.ndarray) -> None:
@@ -51,43 +47,6 @@ def _assert_predicts_as_the_package(config: Any, path: Path, mesh: Mesh) -> None
     found = gash_numpy.predict(gash_numpy.load_model(str(path)), *mesh, visibility=told)
     assert found.dtype == np.float32 and found.shape == truth.shape
     _assert_equal(found, truth)
-
-
-@pytest.mark.parametrize("mesh", SPLIT.values(), ids=SPLIT)
-@pytest.mark.parametrize("net", SURFEL_NETS)
-def test_surfels_predicts_its_error_as_the_package_does(net: str, mesh: Mesh, tmp_path: Path) -> None:
-    path = written(NETS[net], tmp_path / "model.npz")
-    model, told = load_model(path), gash_numpy.load_model(str(path))
-    coefficients, error = gash_numpy.predict_with_error(told, *mesh)
-    np.testing.assert_array_equal(coefficients, gash_numpy.predict(told, *mesh))
-    truth = np.asarray(model.with_error(model.graph(mesh))[1])
-    assert error.dtype == np.float32 and error.shape == truth.shape and error.max() > 0
-    _assert_equal(error, truth)
-    assert not error[~np.any(mesh.normals, axis=1)].any()
-
-
-@pytest.mark.parametrize("count", [5, 24])
-@pytest.mark.parametrize("mesh", SPLIT.values(), ids=SPLIT)
-def test_surfels_are_those_of_the_package(mesh: Mesh, count: int) -> None:
-    positions = normalised(mesh)[0]
-    plan, records = plan_surfels(mesh, positions, count)
-    first = gash_numpy.first_of_repeated(positions, mesh.normals)
-    np.testing.assert_array_equal(first, plan.first)
-    faces = gash_numpy.outward_faces(mesh.vertices, mesh.normals, first[mesh.faces])
-    area = gash_numpy.face_areas(mesh.vertices, faces)
-    axes = gash_numpy.surface_axes(positions, faces, area)
-    tree = gash_numpy.build_tree(positions, faces, area, axes)
-    np.testing.assert_array_equal(faces, plan.faces)
-    for mine, theirs in zip(tree, plan.tree, strict=True):
-        np.testing.assert_array_equal(mine, theirs)
-    np.testing.assert_array_equal(gash_numpy.surfel_records(tree, positions, faces), records)
-    blocks = plan.blocks
-    own = np.unique(first)
-    order = own[gash_numpy.curve_order(positions[own], mesh.normals[own], axes, gash_numpy.VERTEX_BITS)]
-    np.testing.assert_array_equal(order, blocks.reshape(-1)[: len(own)])
-    np.testing.assert_array_equal(gash_numpy.corner_table(faces, len(positions)), plan.corners)
-    table = gash_numpy.select_surfels(tree, records, positions[blocks], mesh.normals[blocks], count)
-    np.testing.assert_array_equal(table, plan.table)
 
 
 def test_only_surfels_predicts_its_error(tmp_path: Path) -> None:
@@ -231,11 +190,14 @@ def _documented() -> dict[str, dict[str, str]]:
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_document_names_every_array_and_its_shape(name: str) -> None:
-    config: Any = model_config(name)
+    # networks have arrays for what they know, whatever they say
+    config: Any = model_config(name, **({"known_bands": 6, "known_bounces": 2} if name == "local" else {}))
     graph = network_inputs(model_graph(config, bumpy_mesh(30)))
     shapes = jax.eval_shape(build_model(config).init, jax.random.key(0), graph)["params"]
     letters = {"B": "bands", "C": "channels", "H": "heads", "U": "visibility_channels", "N": "visibility_directions"}
+    letters |= {"L": "learnt_bands", "J": "known_bounces"}
     values = {letter: getattr(config, key) for letter, key in letters.items() if hasattr(config, key)}
+    values |= {"K": min(3, values.get("L", 0))}
     documented = {}
     for pattern, shape in _documented()[name].items():
         size = tuple(eval(part, {}, values) for part in shape.strip("()").split(",") if part.strip())

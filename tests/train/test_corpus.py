@@ -7,8 +7,11 @@ import pytest
 
 from gash_jax.files.atomic import FileError
 from gash_jax.files.npz import read_npz, write_npz
+from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bounce_series import bake_series
+from gash_jax.shapes.procedural import make_shape
 from gash_jax.train.config import DataConfig
-from gash_jax.train.corpus import build_corpus, build_item, item_path, load_item, split_indices
+from gash_jax.train.corpus import build_corpus, build_item, check_corpus, item_path, load_item, split_indices
 
 SMALL = DataConfig(shapes=2, validation_shapes=1, rays=16, min_vertices=200, max_vertices=400)
 
@@ -86,3 +89,35 @@ def test_a_killed_build_goes_on_where_it_stopped() -> None:
     assert len(build_corpus(SMALL, 3, np.arange(3), lambda done, total: seen.append((done, total)))) == 3
     assert seen == [(2, 3), (3, 3)]
     assert stamps == {i: item_path(SMALL, 3, i).stat().st_mtime_ns for i in range(2)}
+
+
+def test_items_with_bounces_come_back_as_they_were_baked() -> None:
+    data = DataConfig(**{**vars(SMALL), "kinds": "all"})
+    assert len({item_path(d, 3, 0, bounces) for d in (SMALL, data) for bounces in (0, 1, 2)}) == 6
+    (item,) = build_corpus(data, 3, np.array([1]), bounces=2)
+    kind, mesh = make_shape(data.seed, 1, (200, 400), kinds="all")
+    series = bake_series(mesh, 3, 16, 2, seed=1)
+    assert item.kind == kind and item.bounced is not None and item.bounced.shape == (len(mesh.vertices), 2, 9)
+    np.testing.assert_array_equal(item.coefficients, series.terms[0])
+    np.testing.assert_array_equal(item.bounced[:, 1], series.terms[2])
+    np.testing.assert_array_equal(item.noise, series.spread)
+    assert item.visibility.shape == (len(mesh.vertices), 25)
+    check_corpus(data, 3, np.array([1]), 1, bounces=2)
+    with pytest.raises(FileError):
+        check_corpus(data, 3, np.array([1]), 1, bounces=1)
+
+
+def test_items_without_bounces_are_plain_bakes() -> None:
+    item = load_item(build_item(SMALL, 3, 1))
+    plain = bake_transfer(item.mesh, 3, 16, replicates=1, seed=1).coefficients
+    np.testing.assert_array_equal(item.coefficients, plain)
+    assert item.bounced is None and item.noise is None
+
+
+def test_a_file_with_half_of_the_bounced_labels_is_refused() -> None:
+    path = build_item(SMALL, 3, 0, 1)
+    arrays, metadata = read_npz(path, "corpus item", ())
+    del arrays["noise"], metadata["sha256"]
+    write_npz(path, arrays, metadata)
+    with pytest.raises(FileError, match="noise"):
+        load_item(path)

@@ -75,7 +75,7 @@ NETS = {
         **{"visibility_channels": 8, "visibility_layers": 1},
     },
     "rings": {"name": "rings", "channels": 8, "layers": 1, "heads": 2},
-    "local": {"name": "local", "channels": 8, "layers": 1, "neighbours": 16},
+    "local": {"name": "local", "channels": 8, "layers": 1},
 }
 
 

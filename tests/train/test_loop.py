@@ -34,7 +34,7 @@ MODELS = {
     ),
     "rings": model_config(name="rings", channels=8, layers=1, heads=2, neighbours=32),
     "versor": model_config(name="versor", channels=4, layers=1),
-    "local": model_config(name="local", channels=8, layers=1, neighbours=32),
+    "local": model_config(name="local", channels=8, layers=1),
 }
 
 

@@ -11,6 +11,7 @@ from gash_jax.files.settings import ConfigError
 from gash_jax.formats.meshes import save_mesh
 from gash_jax.models.families import model_config
 from gash_jax.prt.bake import bake_transfer
+from gash_jax.prt.bounce_series import bake_series
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train import own_meshes
 from gash_jax.train.config import DataConfig, RunConfig, TrainConfig
@@ -32,7 +33,7 @@ def test_labels_are_plain_bakes_kept_by_content(folder: Path, monkeypatch: pytes
     assert [item.kind for item in items] == ["a", "b"]
     expected = bake_transfer(items[0].mesh, 3, 8, replicates=1).coefficients
     np.testing.assert_array_equal(items[0].coefficients, expected)
-    monkeypatch.setattr(own_meshes, "bake_transfer", None)  # nothing is baked again
+    monkeypatch.setattr(own_meshes, "baked_labels", None)  # nothing is baked again
     (folder / "c.ply").write_bytes((folder / "a.ply").read_bytes())
     again = own_meshes.folder_items(folder, 8, 3)
     np.testing.assert_array_equal(again[2].coefficients, expected)
@@ -72,3 +73,11 @@ def test_generated_shapes_take_the_place_of_a_folder_that_is_not_named(folder: P
     assert [item.kind for item in training] == ["a", "b"] and len(validation) == 1
     training, validation = training_items(replace(_run(folder), data=DataConfig(validation_folder=str(folder), **few)))
     assert len(training) == 2 and [item.kind for item in validation] == ["a", "b"]
+
+
+def test_labels_with_bounces_are_kept_apart(folder: Path) -> None:
+    plain, bounced = own_meshes.folder_items(folder, 8, 3)[0], own_meshes.folder_items(folder, 8, 3, bounces=1)[0]
+    series = bake_series(bounced.mesh, 3, 8, 1)
+    assert plain.bounced is None and bounced.bounced is not None
+    np.testing.assert_array_equal(bounced.bounced[:, 0], series.terms[1])
+    np.testing.assert_array_equal(bounced.noise, series.spread)

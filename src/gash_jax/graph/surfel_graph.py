@@ -1,21 +1,24 @@
-"""Mesh -> blocks of vertices and the surfels they share: what `nn.surfel_net` reads.
+"""Mesh -> vertices and the surfels that each of them looks at: what `nn.surfel_net` reads.
 
-Vertices are taken in the order of a space-filling curve, BLOCK = w at a time, the last one repeated to fill the last
-block; each block shares a list of n surfels:
+Vertices whose lists have the same width w (`surfel_lists`) make one part of the graph:
 
-    position, normal (b, w, 3)
-    near    (b, w, NEAR * 6)  offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where
+    position, normal (n, 3)
+    near    (n, NEAR * 6)  offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where
             there are fewer
-    surfel  (b, n, 20)        records of `surfels`, the most important first
+    table   (n, w)         rows of the records of `surfels`
+    weight  (n, w)         how much each counts, 0 where the list has ended
+
+The network reads `surfel` (n, w, 20), the records themselves, in place of the table (`with_surfels`): a few vertices at
+a time, as all of them together would take 5 kB a vertex.
 
 Positions are (vertex - center) / scale with the box centre and, as scale, the radius of the surface, which turns with
 the mesh. All arrays are NumPy, float32 or int32.
 
-Vertices at one place with one normal (`repeated_vertices`) are one vertex here: blocks hold the first of them, faces
+Vertices at one place with one normal (`repeated_vertices`) are one vertex here: parts hold the first of them, faces
 join those of all, and all have its slot.
 
-What depends on the faces alone (tree, blocks, tables) is a `SurfelPlan`; the rest follows from positions and normals,
-with NumPy or under jit, so a mesh that deforms keeps its plan.
+What depends on the faces alone (tree, lists) is a `SurfelPlan`; the rest follows from positions and normals, with
+NumPy or under jit, so a mesh that deforms keeps its plan.
 """
 
 from types import ModuleType
@@ -28,7 +31,7 @@ from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.repeated_vertices import first_of_repeated
-from gash_jax.graph.surfel_selection import select_surfels, vertex_blocks
+from gash_jax.graph.surfel_lists import SurfelList, list_surfels
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
 NEAR = 8
@@ -36,10 +39,14 @@ NEAR = 8
 APART = 1e-3
 
 
-class SurfelGraph(NamedTuple):
-    """Blocks by name (module docstring); vertex i of the mesh is number slot[i] of the b * w in their order."""
+Part = dict[str, Any]
 
-    blocks: dict[str, Float[np.ndarray, "b ..."]]
+
+class SurfelGraph(NamedTuple):
+    """Parts by width (module docstring); vertex i of the mesh is number slot[i] of those of all parts in turn."""
+
+    records: Float[np.ndarray, "s d"]
+    parts: tuple[Part, ...]
     slot: Int[np.ndarray, "v"]
     center: Float[np.ndarray, "3"]
     scale: Float[np.ndarray, ""]
@@ -54,9 +61,8 @@ class SurfelPlan(NamedTuple):
     faces: Int[np.ndarray, "f 3"]
     first: Int[np.ndarray, "v"]
     tree: SurfelTree
-    blocks: Int[np.ndarray, "b w"]
     corners: Int[np.ndarray, "v m"]
-    table: Int[np.ndarray, "b n"]
+    lists: tuple[SurfelList, ...]
 
 
 def outward_faces(
@@ -93,44 +99,52 @@ def normalised(mesh: Mesh | NormalisedMesh) -> tuple[Float[np.ndarray, "v 3"], F
 
 
 def plan_surfels(
-    mesh: Mesh | NormalisedMesh, positions: Float[np.ndarray, "v 3"], count: int
+    mesh: Mesh | NormalisedMesh, positions: Float[np.ndarray, "v 3"]
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
     """The plan of a mesh, and the records of its surfels at these positions."""
     shape = NormalisedMesh.of(mesh)
     normals = shape.mesh.normals
     first = first_of_repeated(positions, normals)
     faces, area = outward_faces(shape, first)
-    axes = surface_axes(positions, faces, area)
-    tree = build_tree(positions, faces, area, axes)
+    tree = build_tree(positions, faces, area, surface_axes(positions, faces, area))
     records = surfel_records(tree, positions, faces)
-    own = np.flatnonzero(first == np.arange(len(first)))
-    blocks = own[vertex_blocks(positions[own], normals[own], axes)].astype(np.int32)
-    table = select_surfels(tree, records, positions[blocks], normals[blocks], count)
-    return SurfelPlan(faces, first, tree, blocks, corner_table(faces, len(positions)), table), records
+    own = np.flatnonzero(first == np.arange(len(first))).astype(np.int32)
+    found = list_surfels(tree, records, positions[own], normals[own])
+    lists = tuple(part._replace(vertices=own[part.vertices]) for part in found)
+    return SurfelPlan(faces, first, tree, corner_table(faces, len(positions)), lists), records
 
 
-def block_arrays(
+def part_arrays(
     plan: SurfelPlan,
-    records: Float[Any, "s d"],
     positions: Float[Any, "v 3"],
     normals: Float[Any, "v 3"],
     xp: ModuleType = np,
-) -> dict[str, Any]:
-    """The blocks by name (module docstring); NumPy, or with `xp` = jax.numpy under jit."""
+) -> tuple[Part, ...]:
+    """The parts of the graph (module docstring); NumPy, or with `xp` = jax.numpy under jit."""
     both = xp.concatenate([positions, normals], axis=1)
-    own = xp.take(both, plan.blocks, axis=0)
-    place, facing = own[..., :3], own[..., 3:]
-    # the normals of the corners stay as they are
-    origin = xp.concatenate([place, xp.zeros_like(facing)], axis=-1)[:, :, None]
-    near = xp.take(both, plan.corners[plan.blocks], axis=0) - origin
-    surfels = xp.take(records, plan.table, axis=0)
-    return {"position": place, "normal": facing, "near": near.reshape(*near.shape[:2], -1), "surfel": surfels}
+    parts = []
+    for vertices, table, weight in plan.lists:
+        own = xp.take(both, vertices, axis=0)
+        place, facing = own[:, :3], own[:, 3:]
+        # the normals of the corners stay as they are
+        origin = xp.concatenate([place, xp.zeros_like(facing)], axis=1)[:, None]
+        near = xp.take(both, plan.corners[vertices], axis=0) - origin
+        part = {"position": place, "normal": facing, "near": near.reshape(len(vertices), 6 * NEAR)}
+        parts.append(part | {"table": xp.asarray(table), "weight": xp.asarray(weight)})
+    return tuple(parts)
 
 
-def node_slots(plan: SurfelPlan) -> Int[np.ndarray, "v"]:
-    """The place of every vertex in the order of the blocks; of the last vertex, which fills its block, the first."""
+def with_surfels(part: Part, records: Float[Any, "s d"], xp: ModuleType = np) -> Part:
+    """What the network reads of a part: the records in place of the table."""
+    rest = {name: array for name, array in part.items() if name != "table"}
+    return rest | {"surfel": xp.take(records, part["table"], axis=0)}
+
+
+def vertex_slots(plan: SurfelPlan) -> Int[np.ndarray, "v"]:
+    """The place of every vertex in the order of the parts."""
+    order = np.concatenate([part.vertices for part in plan.lists])
     slot = np.zeros(len(plan.first), np.int32)
-    slot[plan.blocks.reshape(-1)[::-1]] = np.arange(plan.blocks.size, dtype=np.int32)[::-1]
+    slot[order] = np.arange(len(order), dtype=np.int32)
     return slot[plan.first]
 
 
@@ -146,11 +160,11 @@ def check_together(plan: SurfelPlan, positions: Float[np.ndarray, "v 3"]) -> Non
         )
 
 
-def surfel_graph(mesh: Mesh, count: int) -> SurfelGraph:
-    """The graph of a mesh in which every block looks at `count` surfels."""
+def surfel_graph(mesh: Mesh) -> SurfelGraph:
+    """The graph of a mesh."""
     shape = NormalisedMesh(mesh)
     positions, center, unit = normalised(shape)
-    plan, records = plan_surfels(shape, positions, count)
+    plan, records = plan_surfels(shape, positions)
     return planned_graph(plan, records, positions, mesh.normals, center, unit)
 
 
@@ -163,5 +177,5 @@ def planned_graph(
     unit: float,
 ) -> SurfelGraph:
     """The graph of a plan at these positions."""
-    blocks = block_arrays(plan, records, positions, normals.astype(np.float32))
-    return SurfelGraph(blocks, node_slots(plan), np.asarray(center, np.float32), np.asarray(unit, np.float32))
+    parts = part_arrays(plan, positions, normals.astype(np.float32))
+    return SurfelGraph(records, parts, vertex_slots(plan), np.asarray(center, np.float32), np.asarray(unit, np.float32))

@@ -24,6 +24,7 @@ from gash_jax.prt.bake import bake_transfer
 from gash_jax.prt.tracing import ProgressFn
 
 NO_OCCLUSION = 1e-9
+PARTLY = 0.02
 REFERENCE_SHARE = 8  # a plain bake above an eighth of the reference's rays is as noisy as what it is held against
 
 
@@ -52,6 +53,12 @@ def skill(estimate: np.ndarray, reference: np.ndarray, normals: Float[np.ndarray
     same_for_all = formula.reshape(*formula.shape, *(1,) * (reference.ndim - 2))
     floor = mse(np.broadcast_to(same_for_all, reference.shape), reference)
     return "no occlusion" if floor < NO_OCCLUSION else 1.0 - mse(estimate, reference) / floor
+
+
+def partly_hidden(reference: Float[np.ndarray, "v k"]) -> Bool[np.ndarray, "v"]:
+    """Vertices that receive between 2 and 98 % of what they would if nothing stood above them, by t_0."""
+    share = reference[:, 0] * np.sqrt(4 * np.pi)
+    return (share >= PARTLY) & (share <= 1 - PARTLY)
 
 
 def coefficient_errors(estimate: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

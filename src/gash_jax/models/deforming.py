@@ -1,6 +1,6 @@
 """Transfer of a mesh that deforms: positions in, coefficients out, one compiled call a frame.
 
-The faces stay, so the tree of surfels, the blocks and their tables are built once, from the pose of `mesh`; normals,
+The faces stay, so the tree of surfels and the lists of the vertices are built once, from the pose of `mesh`; normals,
 moments and the network follow the positions. The unit of length is that of the first pose. A frame far from it looks at
 surfels that were chosen for another: build anew from a pose in between when it matters.
 
@@ -19,7 +19,7 @@ from jaxtyping import Array
 from gash_jax.algebra.arguments import ArrayLike, as_array, is_real
 from gash_jax.formats.meshes import MeshLike, as_mesh
 from gash_jax.geometry.carried_normals import carried_normals
-from gash_jax.graph.surfel_graph import SurfelGraph, block_arrays, check_together, node_slots, normalised, plan_surfels
+from gash_jax.graph.surfel_graph import SurfelGraph, check_together, normalised, part_arrays, plan_surfels, vertex_slots
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
 from gash_jax.models.pose_normals import normals_of_pose
@@ -52,8 +52,8 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     check_deforms(model)
     mesh = as_mesh(mesh)
     positions, center, unit = normalised(mesh)
-    plan, _ = plan_surfels(mesh, positions, model.config.neighbours)
-    slot = node_slots(plan)
+    plan, _ = plan_surfels(mesh, positions)
+    slot = vertex_slots(plan)
     middle, carried = jnp.asarray(center, jnp.float32)[None], carried_normals(mesh, plan.faces)
 
     @jax.jit
@@ -61,8 +61,9 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
         placed = (vertices - middle) / np.float32(unit)
         normals = normals_of_pose(placed, plan.faces, carried)
         records = surfel_records(plan.tree, placed, plan.faces, jnp)
-        blocks = block_arrays(plan, records, placed, normals, jnp)
-        return apply_surfels(model.module, params, SurfelGraph(blocks, slot, center, np.asarray(unit, np.float32)))
+        parts = part_arrays(plan, placed, normals, jnp)
+        graph = SurfelGraph(records, parts, slot, center, np.asarray(unit, np.float32))
+        return apply_surfels(model.module, params, graph)
 
     def predict(vertices: ArrayLike | Array) -> tuple[Array, Array]:
         pose = as_array(vertices)

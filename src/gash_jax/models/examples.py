@@ -5,7 +5,7 @@ uninterrupted one would have seen. A batch is laid out in shards, one a device; 
 how many shards there are.
 
 `WholeShapes` puts whole graphs side by side, padded to one size. A family whose inputs are no graphs, or fall into
-parts that are better drawn apart (`surfel_blocks`), brings batches of its own with the same two methods.
+parts that are better drawn apart (`surfel_parts`), brings batches of its own with the same two methods.
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,8 @@ class Item(NamedTuple):
     mesh: Mesh
     coefficients: Float[np.ndarray, "v k"]
     visibility: Float[np.ndarray, "v n"]
+    bounced: Float[np.ndarray, "v i k"] | None = None  # what each bounce adds off white surfaces
+    noise: Float[np.ndarray, "v b"] | None = None  # squared standard error of the coefficients, mean of each band
 
 
 class Example(NamedTuple):
@@ -34,6 +36,8 @@ class Example(NamedTuple):
     graph: Any
     coefficients: Float[np.ndarray, "v k"]
     visibility: Float[np.ndarray, "v n"]
+    bounced: Float[np.ndarray, "v i k"] | None = None
+    noise: Float[np.ndarray, "v b"] | None = None
 
 
 class Batch(NamedTuple):

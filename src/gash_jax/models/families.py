@@ -10,7 +10,7 @@ What a network reads need not be a graph: any pytree of arrays will do that its 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +24,8 @@ from gash_jax.graph.surfel_graph import SurfelGraph, surfel_graph
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.examples import Batches, Example, Item, WholeShapes
 from gash_jax.models.phases import Phase, one_phase, surfel_phases, two_stage_phases
-from gash_jax.models.surfel_blocks import BlockPool
-from gash_jax.models.surfel_inference import apply_surfels, predict_surfels
+from gash_jax.models.surfel_inference import Terms, apply_surfels, predict_bounces, predict_surfels
+from gash_jax.models.surfel_parts import PartPool
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.mlp import MLPConfig, build_mlp
 from gash_jax.nn.ring_net import RingConfig, build_ring_net
@@ -53,7 +53,10 @@ def predict_at_once(module: nn.Module, params: Any, graph: Any) -> tuple[Array, 
 
 
 class Family(NamedTuple):
-    """`predict` is a JAX function; `predict_fast`, where there is one, is the same for arrays that are not traced."""
+    """`predict` is a JAX function; `predict_fast`, where there is one, is the same for arrays that are not traced.
+
+    `predict_bounces`, where the network knows bounces, says what each of so many adds, as NumPy arrays.
+    """
 
     config: type[ModelConfig]
     build: Callable[[Any], nn.Module]
@@ -62,6 +65,7 @@ class Family(NamedTuple):
     phases: Callable[[Any], tuple[Phase, ...]] = one_phase
     predict: PredictFn = predict_at_once
     predict_fast: PredictFn | None = None
+    predict_bounces: Callable[[nn.Module, Any, Any, int], Terms] | None = None
 
 
 def _edgeless(config: MLPConfig, mesh: Mesh, seed: int, visibility: Visibility | None) -> Graph:
@@ -97,14 +101,15 @@ def label_visibility(config: ModelConfig, item: Item) -> Float[np.ndarray, "v n"
 
 
 def _surfels(config: SurfelConfig, mesh: Mesh, seed: int, visibility: Visibility | None) -> SurfelGraph:
-    return surfel_graph(mesh, config.neighbours)
+    return surfel_graph(mesh)
 
 
 FAMILIES: dict[str, Family] = {
     "rings": Family(RingConfig, build_ring_net, _rings),
     "versor": Family(VersorConfig, build_versor_net, _rings),
     "local": Family(
-        *(SurfelConfig, build_surfel_net, _surfels, BlockPool, surfel_phases, apply_surfels, predict_surfels)
+        *(SurfelConfig, build_surfel_net, _surfels, PartPool, surfel_phases),
+        *(apply_surfels, predict_surfels, predict_bounces),
     ),
     "two-stage": Family(TwoStageConfig, build_two_stage, _neighbours, phases=two_stage_phases),
     "gnn": Family(GNNConfig, build_coefficient_net, _neighbours),
@@ -141,6 +146,23 @@ def config_from_file(values: Mapping[str, Any]) -> ModelConfig:
     return config_from_dict({key: value for key, value in values.items() if key in kept or key not in known})
 
 
+def labels_of(config: ModelConfig) -> tuple[int, int]:
+    """How many bands and bounces the labels have that a network learns."""
+    return (config.learnt_bands, config.known_bounces) if isinstance(config, SurfelConfig) else (config.bands, 0)
+
+
+def with_bands(config: ModelConfig, bands: int) -> ModelConfig:
+    """The config of the same network, asked for another number of bands. Raises ValueError for more than it knows."""
+    learnt, _ = labels_of(config)
+    if bands > learnt:
+        raise ValueError(f"bands={bands}: model {config.name} knows {learnt} {'bands' if learnt > 1 else 'band'}")
+    if bands == config.bands:
+        return config
+    if not isinstance(config, SurfelConfig):
+        raise ValueError(f"bands={bands}: model {config.name} says {config.bands} bands, no other number of them")
+    return replace(config, bands=bands, known_bands=learnt)
+
+
 def build_model(config: ModelConfig) -> nn.Module:
     """The network of a config."""
     return family_of(config).build(config)
@@ -157,5 +179,5 @@ def make_examples(items: Sequence[Item], config: ModelConfig, seed: int = 0) -> 
     for i, item in enumerate(items):
         visibility = label_visibility(config, item)
         graph = model_graph(config, item.mesh, seed + i, visibility)
-        examples.append(Example(graph, item.coefficients, visibility))
+        examples.append(Example(graph, item.coefficients, visibility, item.bounced, item.noise))
     return examples

@@ -1,6 +1,6 @@
 """A mesh that is held with its graph: a new pose costs positions alone, and nothing is ever compiled for one mesh.
 
-What depends on the faces (tree of surfels, blocks, tables) is built from the first pose and kept, as in
+What depends on the faces (tree of surfels, lists) is built from the first pose and kept, as in
 `models.deforming`, whose rules for normals hold here too. The difference is what runs: there one program is compiled
 for each mesh, for whoever plays thousands of frames of one; here NumPy makes the arrays and the network runs in the
 calls that all meshes share, for whoever is sent meshes of any size, as a service is. Both give the same coefficients.
@@ -45,7 +45,7 @@ class HeldMesh:
         started = time.perf_counter()
         self.model, self.mesh, shape = model, mesh, NormalisedMesh(mesh)
         positions, center, self.unit = normalised(shape)
-        self.plan, records = plan_surfels(shape, positions, model.config.neighbours)
+        self.plan, records = plan_surfels(shape, positions)
         graph = planned_graph(self.plan, records, positions, mesh.normals, center, self.unit)
         self.first = self._predicted(graph, mesh.normals, started)
 

@@ -16,15 +16,25 @@ import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 from jax.core import Tracer
+from jaxtyping import Float
 
-from gash_jax.algebra.arguments import WholeNumber, whole_number
+from gash_jax.algebra.arguments import ArrayLike, WholeNumber, whole_number
 from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.npz import check_arrays, read_npz, write_npz
 from gash_jax.files.settings import ConfigError
 from gash_jax.formats.meshes import MeshLike, as_mesh, is_mesh_like
-from gash_jax.models.families import build_model, config_from_file, family_of, model_graph
+from gash_jax.models.families import (
+    build_model,
+    config_from_file,
+    family_of,
+    labels_of,
+    model_graph,
+    with_bands,
+)
 from gash_jax.models.parameter_shapes import graph_structure, parameter_shapes
 from gash_jax.nn.config import ModelConfig
+from gash_jax.prt.bounce_series import summed
+from gash_jax.prt.bounces import checked_albedo, describe_albedo
 from gash_jax.prt.transfer import Transfer, make_metadata
 
 FORMAT, FORMAT_VERSION = "gash-model", 1
@@ -121,24 +131,53 @@ class Model:
             )
         return params
 
-    def predict(self, mesh: MeshLike, seed: WholeNumber = 0) -> Transfer:
-        """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake."""
+    def predict(
+        self, mesh: MeshLike, seed: WholeNumber = 0, *, bounces: WholeNumber = 0, albedo: ArrayLike | None = None
+    ) -> Transfer:
+        """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake.
+
+        `bounces` of light off surfaces of one albedo, a number or a colour (3,), which gives coefficients (v, k, 3):
+        of `local`, which knows two. Raises ValueError for more than the network knows, and for an albedo that is none.
+        """
         mesh, seed = as_mesh(mesh), whole_number(seed, "seed", 0)
+        bounces, known = whole_number(bounces, "bounces", 0), labels_of(self.config)[1]
+        if bounces > known:
+            raise ValueError(f"bounces={bounces}: model {self.config.name} knows {known or 'none'}; bake them instead")
+        colour = checked_albedo(albedo, len(mesh.vertices)) if bounces else None
+        if colour is not None and np.any(colour != colour[:1]):
+            raise ValueError("a network knows bounces off one albedo: give a number or a colour, or bake them instead")
         started = time.perf_counter()
         graph = self.graph(mesh, seed)
         built = time.perf_counter()
-        coefficients, error = jax.block_until_ready(self.with_error(graph))
+        if colour is None:
+            coefficients, error = jax.block_until_ready(self.with_error(graph))
+        else:
+            coefficients, error = self._bounced(graph, bounces, colour[0] if len(colour) else np.zeros(1))
         finished = time.perf_counter()
-        usable = np.any(mesh.normals != 0, axis=1)[:, None]
+        usable = np.any(mesh.normals != 0, axis=1)
         seconds = {"graph": built - started, "network": finished - built, "total": finished - started}
         parameters = {"model": self.config.to_dict(), "weights": self.metadata.get("name", ""), "seed": seed}
+        parameters |= {"bounces": bounces, "albedo": describe_albedo(albedo)} if bounces else {}
         # a network that is told visibilities had one ray traced for each direction
         told = getattr(graph, "nodes", None) or {}
         rays = told["visibility"].size if "visibility" in told else 0
         metadata = make_metadata(self.config.bands, "predict", parameters, rays_total=rays, seconds=seconds)
-        coefficients = np.where(usable, np.asarray(coefficients, np.float32), np.float32(0))
-        predicted = None if error is None else np.where(usable, np.asarray(error, np.float32), np.float32(0))
-        return Transfer(coefficients, None, *mesh, metadata, predicted)
+        if error is not None and "bound" in self.metadata:
+            metadata["bound"] = self.metadata["bound"]
+
+        def masked(values: Any) -> np.ndarray:
+            values = np.asarray(values, np.float32)
+            return np.where(usable.reshape(-1, *(1,) * (values.ndim - 1)), values, np.float32(0))
+
+        return Transfer(masked(coefficients), None, *mesh, metadata, None if error is None else masked(error))
+
+    def _bounced(self, graph: Any, bounces: int, albedo: Float[np.ndarray, "c"]) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients and expected errors with bounces; errors of terms may all go one way, so they are added up."""
+        assert self.family.predict_bounces
+        terms = self.family.predict_bounces(self.module, self.params, graph, bounces)
+        found = (np.stack([summed(part, float(a)) for a in albedo], axis=-1) for part in terms)
+        coefficients, error = (array[..., 0] if len(albedo) == 1 else array for array in found)
+        return coefficients, error
 
 
 def save_model(
@@ -174,13 +213,15 @@ def model_file(name: str | Path) -> Path:
     return path
 
 
-def load_model(name: str | Path) -> Model:
+def load_model(name: str | Path, bands: WholeNumber | None = None) -> Model:
     """Load weights that ship with the package by name, or a model file or a run's folder by path.
 
-    Raises FileError where there is none, or its arrays are not finite or not exactly those of its network.
+    `bands` other than those in the file are for networks that know more, as `local` does: 1 to 6. Raises FileError
+    where there is no model, or its arrays are not finite or not exactly those of its network, ValueError for bands that
+    it does not know.
 
-    >>> gash_jax.load_model("mlp").config.name
-    'mlp'
+    >>> gash_jax.load_model("local", bands=5)("bunny.ply").shape
+    (362, 25)
     """
     path = model_file(name)
     arrays, metadata = read_npz(path, "model", ())
@@ -201,4 +242,5 @@ def load_model(name: str | Path) -> Model:
         raise FileError(f"{path} is not a model file: its network has no array {unknown[0]!r}; write it again")
     # float16 is how they were kept, never how they are computed with
     arrays = {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}
+    config = config if bands is None else with_bands(config, whole_number(bands, "bands", 1))
     return Model(config, unflatten_dict(arrays, sep="/"), metadata)

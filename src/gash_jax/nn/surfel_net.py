@@ -1,8 +1,9 @@
 """The network that ships as `local`: transfer from a list of surfels, as a residual to the unshadowed closed form.
 
-Vertices come in blocks b of w, which share a list of n surfels (`graph.surfel_graph`); the network reads
+Every vertex has a list of surfels of its own (`graph.surfel_lists`). Those v whose lists have one width n make a part
+(`graph.surfel_graph`), of which the network reads
 
-    position, normal (b, w, 3)    near (b, w, m * 6)    surfel (b, n, 20)
+    position, normal (v, 3)    near (v, m * 6)    surfel (v, n, 20)    weight (v, n)
 
 where "near" are offset and normal of m corners of the vertex's own faces.
 
@@ -15,30 +16,35 @@ where "near" are offset and normal of m corners of the vertex's own faces.
 
 and g, the same for the near corners.
 
-*Pooling.* With r the surfel's extent along n over d, clip(n . u + r, 0, 1) also counts surfels that only reach above
-the tangent plane:
+*Pooling.* With the weight q of the surfel in the list, and r its extent along n over d, where
+clip(n . u + r, 0, 1) also counts surfels that only reach above the tangent plane:
 
-    z    = [sum_j w c h, sum_j w clip(n . u + r, 0, 1) h, mean g, max g, sum_j w c, max_j w c, (mean edge length)^1/4]
-    s    = sum_j w c + mean over corners of max(n . u, 0)       how much stands above the tangent plane
+    z    = [sum_j q w c h, sum_j q w clip(n . u + r, 0, 1) h, mean g, max g,
+            sum_j q w c, max_j q w c, (mean edge length)^1/4]
+    s    = sum_j q w c + mean over corners of max(n . u, 0)      how much stands above the tangent plane
     r(v) = s / (s + GATE) MLP(z)                                 residual in the frame of the vertex
     t(v) = A_l/pi Y(n) + D(F) r(v)                               prediction in the world
 
 A surfel and its children together cover the same solid angle, so the sums are about the same whichever of them a list
-holds. On a convex body nothing stands above a tangent plane (by more than rounding): s = 0, and the prediction is the
-closed form.
+holds; as weights are continuous, so is the prediction. On a convex body nothing stands above a tangent plane (by more
+than rounding): s = 0, and the prediction is the closed form.
 
-*Frame.* The third column of F is the normal. The first is the tangential part of sum_j w c u, the direction in which
-most is hidden; where that vanishes all surfels decide, then the near corners, then `orthonormal_frame`. The last case
-is that of a pole of a body of revolution, where only the terms of order m = 0 of the exact transfer differ from 0, and
-the twist does not matter. Nothing absolute enters: the prediction turns with the mesh.
+*Heads.* One MLP says the first BASE bands. Another one says, from the same z, the bands after them and what each bounce
+of light off white surfaces adds; whoever does not ask for these does not wait for it.
 
-*Errors.* After its coefficients the network learns to predict, per band, the mean square error of itself and that of
-the closed form, from the same z. Where it expects to be worse than the closed form, it is drawn towards it
-(`fall_back`).
+*Frame.* The third column of F is the normal. The first is the tangential part of sum_j q w (c + 0.001) u, the direction
+in which most is hidden. Where that is shorter than EVEN times the sum of its weights, hardly any direction is preferred
+and rounding would choose: there the direction of the first near corner, turned by ASIDE about the normal, is added, the
+more the less there is. A vertex without corners takes `orthonormal_frame`. Nothing absolute enters otherwise: the
+prediction turns with the mesh.
+
+*Errors.* After its coefficients the network learns to predict, per band, the mean square error of itself, of what
+bounces, and of the closed form, from the same z. Where it expects to be worse than the closed form, it is drawn towards
+it (`fall_back`). Where nothing stands above the tangent plane the expected error is 0.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -47,35 +53,17 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer, zero_without_normal
-from gash_jax.algebra.directions import orthonormal_frame
-from gash_jax.algebra.numerics import safe_normalize
+from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.settings import setting
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.pooling import most_of, total_of
+from gash_jax.nn.surfel_pairs import Part, Parts, fourth_root, look
 
+BASE = 3
 GATE = 0.01
-# squared lengths are at least this (radius of the surface = 1): what coincides has no direction
-FLOOR = 1e-12
-TINY = 1e-20
-# of lengths: what is no higher than this above a tangent plane is in it
-ROUNDING = 1e-6
-# its inverse square, in gradients, is a float32
-SMALLEST_AREA = 1e-18
 # of the logarithm of a mean square error: beyond, its likelihood overflows, or what is unlike the corpus runs away
 LOG_RANGE = (-14.0, -3.0)
-# a surfel whose middle is the vertex reaches infinitely far for its distance
-FARTHEST = 4.0
-# a surfel seen edge-on still covers this part of its area: below, float32 does not tell how much it covers
-EDGE_ON = 0.01
-
-# pairs of vertex w of block b and surfel n: surfels are what is contiguous, so that loops are over whole vectors
-Pair = Float[Array, "b w n"]
-# corners of a vertex's own faces, vertices contiguous
-Corner = Float[Array, "m v"]
-Vector = list[Array]
-# what the network reads, by name (module docstring)
-Blocks = Mapping[str, Array | np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -84,113 +72,135 @@ class SurfelConfig(ModelConfig):
 
     channels: int = setting(16, "width of what is said of a pair of vertex and surfel", least=2)
     layers: int = setting(2, "residual layers after pooling", least=1)
-    neighbours: int = setting(48, "surfels that a block of vertices shares", least=1)
+    known_bands: int = setting(1, "SH bands that are learnt, if more than `bands`", least=1, most=MAX_BANDS)
+    known_bounces: int = setting(0, "bounces of light that are learnt", least=0, most=2)
+
+    @property
+    def learnt_bands(self) -> int:
+        """Bands that the network learns: whoever loads it may ask for fewer."""
+        return max(self.bands, self.known_bands)
 
 
-def _dot(a: Vector, b: Vector) -> Array:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+class Said(NamedTuple):
+    """All that the network says of v vertices, before any fallback; coefficients are in world directions."""
+
+    own: Float[Array, "v k"]
+    bounced: Float[Array, "v c"]  # k of every bounce
+    formula: Float[Array, "v k"]
+    log_own: Float[Array, "v b"]  # logarithms of mean square errors, by band
+    log_formula: Float[Array, "v b"]
+    log_bounced: Float[Array, "v d"]  # b of every bounce
+    gate: Float[Array, "v 1"]  # 0 where nothing stands above the tangent plane, towards 1 where much does
 
 
-def _quadratic(form: Vector, u: Vector) -> Array:
-    """u' S u of S = (xx, yy, zz, xy, xz, yz)."""
-    x, y, z = u
-    return (
-        form[0] * x * x + form[1] * y * y + form[2] * z * z + 2 * (form[3] * x * y + form[4] * x * z + form[5] * y * z)
-    )
+def split_said(output: Float[Array, "v m"], bands: int, bounces: int) -> Said:
+    """What stands side by side in `SurfelNet.everything`, which knows so much."""
+    k = bands**2
+    ends = np.cumsum([k, bounces * k, k, bands, bands, bounces * bands]).tolist()
+    return Said(*jnp.split(output, ends, axis=1))
 
 
 class SurfelNet(nn.Module):
-    """Coefficients from blocks of vertices and their surfels: see the module docstring.
+    """Coefficients from vertices and their surfels: see the module docstring.
 
-    `channels` of the pairs; the near corners have 3/4 of them, the MLP of `layers` residual layers four times as many.
+    `channels` of the pairs; the near corners have 3/4 of them, the MLPs of residual layers four times as many. It knows
+    `known_bands` and `known_bounces`, and says `bands` and `bounces`.
     """
 
     channels: int = 16
     layers: int = 2
+    known_bands: int = 3
+    known_bounces: int = 0
     bands: int = 3
+    bounces: int = 0
 
     def setup(self) -> None:
         """The layers by their names in the model file."""
-        width = 4 * self.channels
+        width, base = 4 * self.channels, min(BASE, self.known_bands)
         self.surfel, self.near = _Pairs(self.channels), _Pairs(3 * self.channels // 4)
+        zeros = nn.initializers.zeros_init()
         self.mix, self.hidden = nn.Dense(width), [nn.Dense(width) for _ in range(self.layers)]
-        self.head = nn.Dense(self.bands**2, kernel_init=nn.initializers.zeros_init())
-        self.error_hidden, self.error_head = nn.Dense(self.channels), nn.Dense(2 * self.bands)
+        self.head = nn.Dense(base**2, kernel_init=zeros)
+        self.error_hidden, self.error_head = nn.Dense(self.channels), nn.Dense(2 * base)
+        higher = self.known_bands - base
+        if higher or self.known_bounces:
+            self.further_mix, self.further_hidden = nn.Dense(width), nn.Dense(width)
+            count = self.known_bands**2 - base**2 + self.known_bounces * self.known_bands**2
+            self.further_head = nn.Dense(count, kernel_init=zeros)
+            self.further_error_hidden = nn.Dense(self.channels)
+            self.further_error_head = nn.Dense(2 * higher + self.known_bounces * self.known_bands)
 
-    def with_error(self, blocks: Blocks, deterministic: bool = True) -> Float[Array, "v m"]:
-        """Coefficients before any fallback (bands²), the closed form's (bands²), log MSE of the two (bands each).
+    def everything(self, parts: Parts, deterministic: bool = True) -> Float[Array, "v m"]:
+        """All of `Said` side by side, of all bands and bounces that are known: what training looks at."""
+        said = self._said(*self.encode_all(parts), _normals_of(parts), self.known_bands, self.known_bounces)
+        return jnp.concatenate(said, axis=1)
 
-        In world directions, v = b * w vertices in the order of the blocks; nothing is random, so `deterministic`
-        changes nothing.
+    def __call__(self, parts: Parts, deterministic: bool = True) -> Float[Array, "v m"]:
+        """Coefficients after the fallback, then of each bounce; the expected errors per band of these, in this order.
+
+        In world directions, of the vertices of all parts in turn; nothing is random, so `deterministic` changes
+        nothing.
         """
-        return self.decode(*self.encode(blocks), jnp.asarray(blocks["normal"]).reshape(-1, 3))
+        if self.is_initializing():  # parameters of what is not asked for, too
+            self.everything(parts)
+        return self.decode(*self.encode_all(parts), _normals_of(parts))
 
-    def __call__(self, blocks: Blocks, deterministic: bool = True) -> Float[Array, "v m"]:
-        """Coefficients after the fallback, then their expected error per band, (v, bands² + bands)."""
-        return fall_back(self.with_error(blocks), jnp.asarray(blocks["normal"]).reshape(-1, 3), self.bands)
-
-    def encode(self, blocks: Blocks) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
-        """State and frame of every vertex, and how much stands above its tangent plane."""
-        # one array a component
-        surfel = jnp.asarray(blocks["surfel"]).transpose(2, 0, 1)[:, :, None]
-        position, normal = (jnp.asarray(blocks[name]).transpose(2, 0, 1) for name in ("position", "normal"))
-        own = list(normal[..., None])
-        offset = [surfel[i] - position[i][..., None] for i in range(3)]
-        square = _dot(offset, offset) + FLOOR
-        distance = jnp.sqrt(square)
-        inverse = 1 / distance
-        u = [o * inverse for o in offset]
-        vector, area, size = list(surfel[3:6]), surfel[6], surfel[7]
-        floor = jnp.square(area * np.float32(EDGE_ON / (4 * np.pi))) + SMALLEST_AREA**2
-        projected = 4 * np.float32(np.pi) * jnp.sqrt(jnp.maximum(_quadratic(list(surfel[8:14]), u), 0) + floor)
-        covered = jnp.minimum(projected, area)
-        angle = covered / (covered + square)
-        height = _dot(u, own)
-        above = angle * jnp.maximum(height - ROUNDING * inverse, 0)
-        reach = jnp.sqrt(jnp.maximum(_quadratic(list(surfel[14:20]), own), 0) + TINY) * inverse
-        reach = jnp.minimum(reach, FARTHEST)
-        partly = angle * jnp.clip(height + reach, 0, 1)
-        corners = jnp.asarray(blocks["near"]).reshape(normal[0].size, -1, 6).transpose(2, 1, 0)
-        away = jnp.sqrt(_dot(list(corners[:3]), list(corners[:3])) + FLOOR)
-        v = [c / away for c in corners[:3]]
-        frame = _frames(list(normal), u, above, angle, v)
-        axes = [[component[..., None] for component in axis] for axis in frame]
-        x, y = _dot(u, axes[0]), _dot(u, axes[1])
-        flux = jnp.clip(-_dot(u, vector) / jnp.maximum(covered, SMALLEST_AREA), -2, 2)
-        unit = 1 / jnp.maximum(area, SMALLEST_AREA)
-        facing = [_dot(vector, axis) * unit for axis in axes]
-        features = [x, y, height, x * y, y * height, 1.5 * height * height - 0.5, x * height, 0.5 * (x * x - y * y)]
-        features += [jnp.sqrt(jnp.maximum(angle, TINY)), flux, reach, size / (size + distance)]
-        h = self.surfel([*features, facing[2], facing[0], facing[1], _root(distance)])
-        pooled = [total_of(weight[None] * h).reshape(len(h), -1) for weight in (above, partly)]
-        g = self.near(_near_features(list(corners[3:]), v, away, [[a.reshape(1, -1) for a in axis] for axis in frame]))
-        count = len(away)
-        pooled += [jnp.sum(g, axis=1) / count, jnp.max(g, axis=1)]
-        total = total_of(above).reshape(-1)
-        pooled += [jnp.stack([total, most_of(above).reshape(-1), _root(jnp.sum(away, axis=0) / count)])]
-        rise = jnp.maximum(_dot(v, [n.reshape(1, -1) for n in normal]) - ROUNDING / away, 0)
-        frames = jnp.stack([jnp.stack(axis, axis=-1) for axis in frame], axis=-1)
-        x = nn.relu(self.mix(jnp.concatenate(pooled).T))
-        return x, frames.reshape(-1, 3, 3), total + jnp.sum(rise, axis=0) / count
+    def encode_all(self, parts: Parts) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
+        """What `encode` finds in all parts."""
+        filled = [part for part in parts if len(part["normal"])] or parts[:1]
+        return jax.tree.map(lambda *arrays: jnp.concatenate(arrays), *(self.encode(part) for part in filled))
 
     def decode(
-        self, x: Float[Array, "v c"], frames: Float[Array, "v 3 3"], seen: Float[Array, "v"], normals: Array
+        self, pooled: Float[Array, "v c"], frames: Float[Array, "v 3 3"], seen: Float[Array, "v"], normals: Array
     ) -> Float[Array, "v m"]:
-        """What `with_error` says, from what `encode` found."""
+        """What the network says, from what `encode` found."""
+        return fall_back(self._said(pooled, frames, seen, normals, self.bands, self.bounces), normals, self.bands)
+
+    def _said(self, pooled: Array, frames: Array, seen: Array, normals: Array, bands: int, bounces: int) -> Said:
+        gate = (seen / (seen + GATE))[:, None]
+        k, base = bands**2, min(BASE, self.known_bands)
+        x = nn.relu(self.mix(pooled))
         for hidden in self.hidden:
             x = x + nn.relu(hidden(x))
-        gate = (seen / (seen + GATE))[:, None]
-        residual = gate * self.head(x)
-        low, high = LOG_RANGE
-        errors = low + (high - low) * nn.sigmoid(self.error_head(nn.tanh(self.error_hidden(x))))
-        world = rotate_coefficients(residual, frames)
-        exact = unshadowed_transfer(normals, self.bands)
-        return jnp.concatenate([exact + zero_without_normal(world, normals), exact, errors], axis=-1)
+        local, logs = self.head(x), _log_errors(self.error_head(nn.tanh(self.error_hidden(x))))
+        log_own, log_formula = logs[:, :base], logs[:, base:]
+        log_bounced, bounced = logs[:, :0], []
+        if bands > base or bounces:
+            y = nn.relu(self.further_mix(pooled))
+            y = y + nn.relu(self.further_hidden(y))
+            further, logs = self.further_head(y), self.further_error_head(nn.tanh(self.further_error_hidden(y)))
+            logs, known, higher = _log_errors(logs), self.known_bands**2, self.known_bands - base
+            local = jnp.concatenate([local, further[:, : known - base**2]], axis=1)
+            each = [further[:, known * (i + 1) - base**2 :][:, :k] for i in range(bounces)]
+            bounced = [rotate_coefficients(gate * term, frames) for term in each]
+            log_own = jnp.concatenate([log_own, logs[:, :higher]], axis=1)
+            log_formula = jnp.concatenate([log_formula, logs[:, higher : 2 * higher]], axis=1)
+            starts = [2 * higher + i * self.known_bands for i in range(bounces)]
+            log_bounced = jnp.concatenate([log_bounced, *(logs[:, start : start + bands] for start in starts)], axis=1)
+        formula = unshadowed_transfer(normals, bands)
+        own = formula + zero_without_normal(rotate_coefficients(gate * local[:, :k], frames), normals)
+        rest = [zero_without_normal(term, normals) for term in bounced]
+        together = jnp.concatenate([own[:, :0], *rest], axis=1)
+        return Said(own, together, formula, log_own[:, :bands], log_formula[:, :bands], log_bounced, gate)
+
+    def encode(self, part: Part) -> tuple[Float[Array, "v c"], Float[Array, "v 3 3"], Float[Array, "v"]]:
+        """What is pooled for every vertex, its frame, and how much stands above its tangent plane."""
+        seen = look(part)
+        h, g = self.surfel(seen.features), self.near(seen.near)
+        pooled = [total_of(weight[None] * h) for weight in (seen.above, seen.partly)]
+        pooled += [jnp.sum(g, axis=1) / g.shape[1], jnp.max(g, axis=1)]
+        total = total_of(seen.above)
+        pooled += [jnp.stack([total, most_of(seen.above), fourth_root(seen.edge)])]
+        return jnp.concatenate(pooled).T, seen.frames, total + seen.rise
 
 
-def _root(distance: Array) -> Array:
-    """The fourth root: as good as a logarithm over the distances of a mesh, and finite at 0."""
-    return jnp.sqrt(jnp.sqrt(jnp.maximum(distance, TINY)))
+def _normals_of(parts: Parts) -> Float[Array, "v 3"]:
+    return jnp.concatenate([jnp.asarray(part["normal"]) for part in parts])
+
+
+def _log_errors(x: Array) -> Array:
+    low, high = LOG_RANGE
+    return low + (high - low) * nn.sigmoid(x)
 
 
 class _Pairs(nn.Module):
@@ -205,32 +215,7 @@ class _Pairs(nn.Module):
         shape = features[0].shape
         flat = jnp.stack(features).reshape(len(features), -1)
         product = jax.lax.dot_general(kernel, flat, (((0,), (0,)), ((), ())))
-        return nn.relu((product + bias[:, None]).reshape(-1, *shape))
-
-
-def _frames(normal: Vector, u: Vector, above: Pair, angle: Pair, near: Vector) -> list[list[Float[Array, "b w"]]]:
-    """Axes of frames whose first looks where most is hidden, components of each."""
-    weight = above + 1e-3 * angle
-    shape = normal[0].shape
-    around = [1e-4 / len(b) * jnp.sum(b, axis=0).reshape(shape) for b in near]
-    hidden = [total_of(weight * a) + b for a, b in zip(u, around, strict=True)]
-    upward = _dot(hidden, normal)
-    tangent = [h - upward * n for h, n in zip(hidden, normal, strict=True)]
-    known = _dot(tangent, tangent) > 1e-16
-    other = jnp.moveaxis(orthonormal_frame(jnp.stack(normal, axis=-1))[..., 0], -1, 0)
-    chosen = jnp.stack([jnp.where(known, t, o) for t, o in zip(tangent, other, strict=True)], axis=-1)
-    first = list(jnp.moveaxis(safe_normalize(chosen), -1, 0))
-    second = [normal[i - 2] * first[i - 1] - normal[i - 1] * first[i - 2] for i in range(3)]
-    return [first, second, normal]
-
-
-def _near_features(normal: Vector, v: Vector, away: Corner, axes: list[Vector]) -> list[Corner]:
-    """What is said of the corners of a vertex's own faces: direction, normal, distance in units of their mean."""
-    x, y, z = (_dot(v, axis) for axis in axes)
-    turned = [_dot(normal, axis) for axis in axes]
-    relative = away / (jnp.sum(away, axis=0) / len(away) + 1e-9)[None]
-    features = [x, y, z, x * y, y * z, x * z, 0.5 * (x * x - y * y), z * z, *turned, _dot(normal, v), relative]
-    return [*features, _root(away)]
+        return nn.relu((product + bias[:, None]).reshape(self.channels, *shape))
 
 
 def by_band(values: Float[Array, "v b"], bands: int) -> Float[Array, "v k"]:
@@ -238,16 +223,15 @@ def by_band(values: Float[Array, "v b"], bands: int) -> Float[Array, "v k"]:
     return jnp.repeat(values, 2 * np.arange(bands) + 1, axis=-1, total_repeat_length=bands**2)
 
 
-def fall_back(output: Float[Array, "v m"], normals: Float[Array, "v 3"], bands: int) -> Float[Array, "v n"]:
-    """From what `with_error` says: coefficients, drawn to the closed form where that is better, and errors."""
-    k = bands**2
-    raw, exact, own, formula = jnp.split(output, [k, 2 * k, 2 * k + bands], axis=-1)
-    trust = jnp.exp(jnp.minimum(formula - own, 0.0))
-    coefficients = exact + by_band(trust, bands) * (raw - exact)
-    error = jnp.sqrt(trust**2 * jnp.exp(own) + (1 - trust) ** 2 * jnp.exp(formula))
-    return jnp.concatenate([coefficients, zero_without_normal(error, normals)], axis=-1)
+def fall_back(said: Said, normals: Float[Array, "v 3"], bands: int) -> Float[Array, "v n"]:
+    """Coefficients, drawn to the closed form where that is better, and of bounces; the errors of both, by band."""
+    trust = jnp.exp(jnp.minimum(said.log_formula - said.log_own, 0.0))
+    coefficients = said.formula + by_band(trust, bands) * (said.own - said.formula)
+    error = jnp.sqrt(trust**2 * jnp.exp(said.log_own) + (1 - trust) ** 2 * jnp.exp(said.log_formula))
+    errors = said.gate * jnp.concatenate([error, jnp.exp(said.log_bounced / 2)], axis=1)
+    return jnp.concatenate([coefficients, said.bounced, zero_without_normal(errors, normals)], axis=1)
 
 
 def build_surfel_net(config: SurfelConfig) -> SurfelNet:
     """The network of a config."""
-    return SurfelNet(config.channels, config.layers, config.bands)
+    return SurfelNet(config.channels, config.layers, config.learnt_bands, config.known_bounces, bands=config.bands)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+from flax.traverse_util import flatten_dict, unflatten_dict
 
 from gash_jax.files.atomic import write_text
 from gash_jax.files.settings import ConfigError
@@ -21,6 +22,7 @@ from gash_jax.models.model import save_model
 from gash_jax.nn.config import ModelConfig
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint
 from gash_jax.train.config import RunConfig, load_config
+from gash_jax.train.error_bound import error_bound
 from gash_jax.train.logs import MetricsLog
 from gash_jax.train.objectives import objectives
 from gash_jax.train.phase_run import PhaseRun, ReportFn, TrainState
@@ -65,18 +67,20 @@ def train_model(
 ) -> Path:
     """Train (or continue) the run in `folder` and return the path of its model file.
 
-    `start` are parameters to begin with instead of random ones. A finished run goes on if its budget was raised.
-    `notify` gets what a user should know. Raises ConfigError if the folder holds a run of another config or no whole
-    checkpoint, DivergenceError where the loss is not finite.
+    `start` are parameters to begin with instead of random ones, or some of them. A finished run goes on if its budget
+    was raised. `notify` gets what a user should know. Raises ConfigError if the folder holds a run of another config or
+    no whole checkpoint, DivergenceError where the loss is not finite.
     """
     folder = Path(folder)
     open_folder(folder, config)
     put_together = family_of(config.model).batches
     batches = put_together(validation).in_order(config.train.batch_vertices) if validation else []
     draw = put_together(training).draw
+    draw_held_out = put_together(validation).draw if validation else draw
     state = initial_state(config, draw(config.train.batch_vertices, config.train.seed, 0, 1))
     if start is not None:
-        state = state._replace(params=start, best=start)
+        begun = unflatten_dict(flatten_dict(state.params) | flatten_dict(start))
+        state = state._replace(params=begun, best=begun)
     if has_checkpoint(folder):
         state, note = restore_checkpoint(folder, state)
         if note:
@@ -84,13 +88,17 @@ def train_model(
     plan = objectives(config.model, computes_in_half(config.train.precision))
     with MetricsLog(folder, [objective.phase.name for objective in plan], int(state.phase), int(state.step)) as log:
         while state.phase < len(plan):
-            state = PhaseRun(config, plan[state.phase], draw, batches, folder, log, report).run(state)
+            objective = plan[state.phase]
+            drawn = draw_held_out if objective.phase.held_out else draw
+            state = PhaseRun(config, objective, drawn, batches, folder, log, report).run(state)
             following = state.phase + 1
             error = state.best_error if following == len(plan) else float("inf")
             fresh = make_optimizer(config.optim).init(state.best)
             state = state._replace(
                 params=state.best, best_error=error, optimizer=fresh, phase=following, step=0, elapsed=0.0
             )
-    path = folder / "model.npz"
-    save_model(path, config.model, state.best, name=config.name, run=config.to_dict(), validation=state.best_error)
+    path, said = folder / "model.npz", dict[str, Any](validation=state.best_error)
+    if (bound := error_bound(config.model, state.best, validation)) is not None:
+        said["bound"] = bound
+    save_model(path, config.model, state.best, name=config.name, run=config.to_dict(), **said)
     return path

@@ -37,7 +37,8 @@ class Objective(NamedTuple):
 
     def measure(self, output: np.ndarray, labels: np.ndarray, normals: np.ndarray) -> dict[str, float]:
         """Measures by name of what was predicted on the host."""
-        return MEASURES[self.phase.labels](output[:, : labels.shape[1]], labels, normals)
+        columns = labels.shape[1] if self.phase.columns is None else self.phase.columns
+        return MEASURES[self.phase.labels](output[:, :columns], labels[:, :columns], normals)
 
 
 def flat(array: Array | np.ndarray) -> Array:

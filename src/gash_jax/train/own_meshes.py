@@ -14,13 +14,11 @@ from gash_jax.formats.mesh_files import READERS
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.models.examples import Item
-from gash_jax.prt.bake import bake_transfer
-from gash_jax.prt.hemisphere import hemisphere_visibility
-from gash_jax.train.corpus import LABEL_ROOMS, load_item
+from gash_jax.train.corpus import LABEL_ROOMS, baked_labels, load_item
 
 
 def folder_items(
-    folder: str | Path, rays: int, bands: int, progress: Callable[[int, int], None] | None = None
+    folder: str | Path, rays: int, bands: int, progress: Callable[[int, int], None] | None = None, *, bounces: int = 0
 ) -> list[Item]:
     """The meshes of a folder with their labels, in order of their names. Raises ConfigError where there is none."""
     folder = Path(folder)
@@ -31,23 +29,22 @@ def folder_items(
         raise ConfigError(f"{folder} holds no mesh: readable are {' '.join(READERS)}")
     items = []
     for step, path in enumerate(paths):
-        items.append(labelled_mesh(path.stem, load_mesh(path), rays, bands))
+        items.append(labelled_mesh(path.stem, load_mesh(path), rays, bands, bounces))
         if progress:
             progress(step + 1, len(paths))
     return items
 
 
-def labelled_mesh(name: str, mesh: Mesh, rays: int, bands: int) -> Item:
-    """A mesh with its plain bake and the visibility of the hemisphere's directions, from the cache if it was there."""
+def labelled_mesh(name: str, mesh: Mesh, rays: int, bands: int, bounces: int = 0) -> Item:
+    """A mesh with its labels, those of the corpus (`baked_labels`), from the cache if they were there."""
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in mesh))
-    digest.update(repr((rays, bands, source_hash(LABEL_ROOMS))).encode())
+    digest.update(repr((rays, bands, bounces, source_hash(LABEL_ROOMS))).encode())
     path = cache_folder() / "meshes" / f"{digest.hexdigest()[:24]}.npz"
     try:
         return load_item(path)._replace(kind=name)
     except FileError:  # not there yet, or damaged: it is only a cache
         pass
     path.parent.mkdir(parents=True, exist_ok=True)
-    labels = bake_transfer(mesh, bands, rays, replicates=1).coefficients
-    arrays = {**mesh._asdict(), "coefficients": labels, "visibility": hemisphere_visibility(mesh)}
+    arrays = {**mesh._asdict(), **baked_labels(mesh, bands, rays, bounces)}
     write_npz(path, arrays, {"kind": name, "rays": rays})
     return load_item(path)

@@ -10,8 +10,9 @@ from gash_jax.files.atomic import FileError, as_path
 from gash_jax.files.settings import ConfigError
 from gash_jax.models.deforming_families import DEFORMING
 from gash_jax.models.examples import Item, WholeShapes
-from gash_jax.models.families import family_of, make_examples
+from gash_jax.models.families import family_of, labels_of, make_examples
 from gash_jax.models.model import load_model
+from gash_jax.models.parameter_shapes import parameter_shapes
 from gash_jax.shapes.primitives import bumpy_sphere
 from gash_jax.train.checkpoint import has_checkpoint, restore_checkpoint
 from gash_jax.train.config import RunConfig, load_config
@@ -50,6 +51,8 @@ def run_config(
     if config.model.name in DEFORMING:
         return run_deforming(config, folder, progress)[0], []
     teacher = load_model(config.train.teacher) if config.train.teacher else None
+    if teacher is not None:
+        _check_taught(config, teacher.config.bands)
     start = _start(config)
     items, validation = training_items(config, progress)
     examples = make_examples([*items, *validation], config.model)
@@ -61,14 +64,14 @@ def run_config(
 
 def training_items(config: RunConfig, progress: Progress | None = None) -> tuple[list[Item], list[Item]]:
     """Shapes with labels to train and to validate on: of folders where the config names them, else generated."""
-    data, bands = config.data, config.model.bands
+    data, (bands, bounces) = config.data, labels_of(config.model)
     generated = dict(zip(("folder", "validation_folder"), split_indices(data), strict=True))
     wanted = [indices for name, indices in generated.items() if not getattr(data, name)]
-    corpus = build_corpus(data, bands, np.concatenate(wanted), progress) if wanted else []
+    corpus = build_corpus(data, bands, np.concatenate(wanted), progress, bounces=bounces) if wanted else []
     parts = []
     for name, indices in generated.items():
         if own := getattr(data, name):
-            parts.append(folder_items(own, data.rays, bands, progress))
+            parts.append(folder_items(own, data.rays, bands, progress, bounces=bounces))
         else:
             parts.append(corpus[: len(indices)])
             corpus = corpus[len(indices) :]
@@ -78,12 +81,25 @@ def training_items(config: RunConfig, progress: Progress | None = None) -> tuple
     return parts[0], parts[1]
 
 
+def _check_taught(config: RunConfig, bands: int) -> None:
+    """Raise ConfigError unless a network learns just what its teacher says."""
+    if labels_of(config.model) != (bands, 0):
+        fewer = " model.known_bands=1 model.known_bounces=0" if config.model.name == "local" else ""
+        raise ConfigError(
+            f"train.teacher={config.train.teacher} says {bands} bands and no bounces: set model.bands={bands}{fewer}"
+        )
+
+
 def _start(config: RunConfig) -> Any:
-    """Parameters of the model that training starts from, if any. Raises ConfigError where it is another network."""
+    """Parameters of the model that training starts from, if any; it may be a part of the network, as of fewer bands.
+
+    Raises ConfigError where it is another network.
+    """
     if not config.train.start_from:
         return None
     model = load_model(config.train.start_from)
-    if model.config != config.model:
+    own, given = parameter_shapes(config.model), parameter_shapes(model.config)
+    if model.config.name != config.model.name or not given.items() <= own.items():
         raise ConfigError(f"train.start_from={config.train.start_from} holds another network: {model.config}")
     return model.params
 
@@ -94,7 +110,8 @@ def best_so_far(folder: Path) -> tuple[RunConfig, Any, float]:
     if not saved.is_file() or not has_checkpoint(folder):
         raise ConfigError(f"{folder} is not a run with a checkpoint: start one with gash train")
     config = load_config(saved)
-    item = labelled_mesh("any", bumpy_sphere(6), 1, config.model.bands)
+    bands, bounces = labels_of(config.model)
+    item = labelled_mesh("any", bumpy_sphere(6), 2 if bounces else 1, bands, bounces)
     examples = make_examples([item], config.model)
     example = family_of(config.model).batches(examples).draw(len(item.coefficients) + 1, 0, 0)
     state, _ = restore_checkpoint(folder, initial_state(config, example))

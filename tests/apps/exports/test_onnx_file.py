@@ -2,23 +2,28 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from flax.traverse_util import flatten_dict
 
+from gash_jax.apps.cli import gash
+from gash_jax.apps.frontier.runtimes import onnx_calls
 from gash_jax.files.atomic import FileError
 from gash_jax.formats.meshes import load_mesh
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.graph.surfel_graph import with_surfels
 from gash_jax.models.deforming_families import DEFORMING
-from gash_jax.models.families import FAMILIES, build_model, model_graph
+from gash_jax.models.families import FAMILIES, build_model, model_config, model_graph
 from gash_jax.models.model import Model, load_model, shipped_models
 from gash_jax.nn.config import ModelConfig
 from gash_jax.nn.inputs import VERTEX_ENCODINGS
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 from tests.helpers.shared_data import shared_file
 from tests.helpers.small_networks import ENDS, MESHES, NETS
+from tests.helpers.small_networks import written as written_file
 
 pytest.importorskip("onnx", reason="needs the extra onnx: pip install onnx")
 ort = pytest.importorskip("onnxruntime", reason="needs onnxruntime to run what was exported")
@@ -44,24 +49,40 @@ def session(model: Any) -> Any:
 
 
 def fed(config: Any, graph: Any) -> dict[str, np.ndarray]:
-    """Inputs by name, of what the network reads of a mesh."""
-    if config.name == "local":
-        return {**graph.blocks, "slot": graph.slot}
+    """Inputs by name, of what a network reads of a mesh that has all vertices in one call."""
     rows, count = len(graph.nodes["motor"]), getattr(config, "neighbours", 0)
     inputs = {**graph.nodes, "neighbours": graph.senders.reshape(rows, count)}
     edges = {"relative": "edges", "motor": "edge_motor"}
     return inputs | {edges[name]: array.reshape(rows, count, -1) for name, array in graph.edges.items()}
 
 
-def run(ready: Any, config: Any, graph: Any) -> list[np.ndarray]:
-    given = fed(config, graph)
+def filled(graph: Any) -> dict[str, np.ndarray]:
+    """The parts of a surfel graph as one, all lists filled up to the longest."""
+    parts = [with_surfels(part, graph.records) for part in graph.parts if len(part["normal"])]
+    longest = max(part["weight"].shape[1] for part in parts)
+    for part in parts:
+        missing = longest - part["weight"].shape[1]
+        part["weight"] = np.pad(part["weight"], ((0, 0), (0, missing)))
+        part["surfel"] = np.pad(part["surfel"], ((0, 0), (0, missing), (0, 0)))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def called(ready: Any, given: dict[str, np.ndarray]) -> list[np.ndarray]:
     return ready.run(None, {entry.name: np.asarray(given[entry.name]) for entry in ready.get_inputs()})
+
+
+def run(ready: Any, config: Any, graph: Any) -> list[np.ndarray]:
+    calls, place = onnx_calls(config, graph) if config.name == "local" else ([fed(config, graph)], slice(None))
+    return [np.concatenate(parts)[place] for parts in zip(*(called(ready, given) for given in calls), strict=True)]
 
 
 def assert_says_the_same(model: Model, ready: Any, mesh: Mesh) -> None:
     graph = model.graph(mesh)
+    assert_equal(run(ready, model.config, graph), model, graph)
+
+
+def assert_equal(found: list[np.ndarray], model: Model, graph: Any) -> None:
     told = [np.asarray(each) for each in model.with_error(graph) if each is not None]
-    found = run(ready, model.config, graph)
     assert len(found) == len(told)
     for mine, theirs in zip(found, told, strict=True):
         assert mine.dtype == np.float32 and mine.shape == theirs.shape
@@ -91,6 +112,34 @@ def test_every_encoding(net: str, encoding: str) -> None:
     assert_says_the_same(model, session(written(model)), MESHES["odd"])
 
 
+@pytest.mark.parametrize("bands", [1, 3, 6])
+def test_any_bands_that_a_surfel_network_knows(bands: int, tmp_path: Path) -> None:
+    config = model_config("local", channels=8, known_bands=6, known_bounces=2)
+    path = written_file(config, tmp_path / "m.npz")
+    gash.main(["export", f"{path}", "-o", f"{tmp_path / 'm.onnx'}", "--bands", f"{bands}"], standalone_mode=False)
+    ready = ort.InferenceSession(str(tmp_path / "m.onnx"), providers=["CPUExecutionProvider"])
+    for mesh in MESHES.values():
+        assert_says_the_same(load_model(path, bands), ready, mesh)
+
+
+def test_lists_may_be_filled_up() -> None:
+    model = random_model(model_config("local", 4, channels=8))
+    ready, graph = session(written(model)), model.graph(MESHES["generated"])
+    assert sum(len(part["normal"]) > 0 for part in graph.parts) > 2
+    assert_equal([each[graph.slot] for each in called(ready, filled(graph))], model, graph)
+    shapes = {entry.name: entry.shape for entry in ready.get_inputs()}
+    assert shapes["surfel"] == ["vertices", "surfels", 20] and shapes["weight"] == ["vertices", "surfels"]
+
+
+def test_no_vertex_knows_of_another() -> None:
+    """A caller may run any vertices, in any order: rows follow the inputs."""
+    model = random_model(NETS["local"])
+    ready, given = session(written(model)), filled(model.graph(MESHES["odd"]))
+    whole, some = called(ready, given), np.array([5, 3, 60])
+    for mine, theirs in zip(called(ready, {name: a[some] for name, a in given.items()}), whole, strict=True):
+        np.testing.assert_allclose(mine, theirs[some], rtol=0, atol=1e-5 * np.abs(theirs).max())
+
+
 @pytest.mark.parametrize("net", NETS)
 def test_operators_and_free_axes(net: str) -> None:
     proto = written(random_model(NETS[net]))
@@ -100,7 +149,7 @@ def test_operators_and_free_axes(net: str) -> None:
     assert not [name for name in used if name.startswith(FORBIDDEN)]
     assert said["model"] == NETS[net].to_dict() and said["format"] == "gash-onnx" and said["name"] == "test"
     for entry in (*proto.graph.input, *proto.graph.output):
-        assert entry.type.tensor_type.shape.dim[0].dim_param in ("vertices", "blocks") and entry.doc_string
+        assert entry.type.tensor_type.shape.dim[0].dim_param == "vertices" and entry.doc_string
 
 
 @pytest.mark.parametrize("name", shipped_models())

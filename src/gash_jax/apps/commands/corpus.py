@@ -13,6 +13,7 @@ from gash_jax.apps.printing import say
 from gash_jax.apps.progress import progress_bar
 from gash_jax.apps.shard_options import Work, by_jobs, shard_options
 from gash_jax.files.atomic import check_writable
+from gash_jax.models.families import labels_of
 from gash_jax.train.config import load_config
 from gash_jax.train.corpus import build_corpus, check_corpus, split_indices
 
@@ -33,15 +34,15 @@ def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet:
         check_picture(output)
     run = load_config(config, overrides)
     training, validation = split_indices(run.data)
-    indices, bands = np.concatenate([validation, training]), run.model.bands
+    indices, (bands, bounces) = np.concatenate([validation, training]), labels_of(run.model)
     left = by_jobs(work, quiet)
     if left is None:
         return
     if left.merge:
-        check_corpus(run.data, bands, indices, left.merge)
+        check_corpus(run.data, bands, indices, left.merge, bounces=bounces)
     own = indices if left.shard is None else np.array(left.shard.of(indices.tolist()), int)
     with progress_bar("corpus", quiet) as update:
-        items = build_corpus(run.data, bands, own, update)
+        items = build_corpus(run.data, bands, own, update, bounces=bounces)
     if left.shard is not None:
         say(f"shard {left.shard}: {len(own)} of {len(indices)} shapes are in the cache", quiet)
         return

@@ -32,6 +32,7 @@ from gash_jax.light.studio import studio_light
 from gash_jax.measure.methods import measure_methods
 from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, make_reference
+from gash_jax.models.families import labels_of
 from gash_jax.models.model import Model, load_model
 from gash_jax.prt.transfer import Transfer
 from gash_jax.shapes.procedural import make_shape
@@ -109,7 +110,8 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
         folder = output / "runs" / f"{name}-{digest}"
         with progress_bar(f"corpus of {config.data.shapes} generated shapes", quiet) as corpus:
             training, validation = split_indices(config.data)
-            build_corpus(config.data, config.model.bands, np.concatenate([training, validation]), corpus)
+            bands, bounces = labels_of(config.model)
+            build_corpus(config.data, bands, np.concatenate([training, validation]), corpus, bounces=bounces)
         say(f"training {name} for {config.train.seconds:.0f} s", quiet)
         with progress_bar(f"training {name}", quiet) as update:
             report = lambda phase, fraction, measures, u=update: u(round(1000 * fraction), 1000)  # noqa: E731

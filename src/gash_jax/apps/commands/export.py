@@ -13,6 +13,7 @@ from gash_jax.apps.printing import number, say
 from gash_jax.files.atomic import FileError, check_writable
 from gash_jax.measure.half_weights import rounded, rounding_error
 from gash_jax.models.deforming_model import as_stored, is_deforming, load_deforming_model, save_deforming_model
+from gash_jax.models.families import with_bands
 from gash_jax.models.model import Model, load_model, model_file, save_model, shipped_models
 from gash_jax.nn.config import ModelConfig
 from gash_jax.train.run import best_so_far
@@ -31,9 +32,10 @@ class Weights(NamedTuple):
 @click.command(cls=Command, epilog="gash export runs/two-stage -o two-stage.onnx")
 @click.argument("run", type=PATH)
 @output_option
+@click.option("--bands", type=int, help="SH bands that the file says, of those that the network knows: local 1 to 6.")
 @click.option("--half", is_flag=True, help="Weights in float16: half the bytes. What that costs is measured and said.")
 @quiet_option
-def export(run: Path, output: Path, half: bool, quiet: bool) -> None:
+def export(run: Path, output: Path, bands: int | None, half: bool, quiet: bool) -> None:
     """Write the best weights of RUN, finished or not, for other runtimes: as .npz, or as .onnx with the network.
 
     RUN may also be a weights file, or the name of weights that ship.
@@ -44,9 +46,11 @@ def export(run: Path, output: Path, half: bool, quiet: bool) -> None:
     graphs = _graph_writer() if output.suffix.lower() == ".onnx" else None
     file = _model_file(run)
     if file and is_deforming(file):
+        if bands is not None:
+            raise click.UsageError("a model of one object says the bands that it was fitted to: leave out --bands")
         weights, count = _deforming(file, output, half, written=graphs is None)
     else:
-        weights, count = _network(file, run, output, half, written=graphs is None)
+        weights, count = _network(file, run, output, bands, half, written=graphs is None)
     if graphs:
         model = graphs.onnx_model(*weights)
         graphs.save_onnx(output, model)
@@ -88,13 +92,16 @@ def _deforming(file: Path, output: Path, half: bool, written: bool) -> tuple[Wei
     return Weights(fitted.config, arrays, fitted.metadata), sum(array.size for array in arrays.values())
 
 
-def _network(file: Path | None, run: Path, output: Path, half: bool, written: bool) -> tuple[Weights, int]:
+def _network(
+    file: Path | None, run: Path, output: Path, bands: int | None, half: bool, written: bool
+) -> tuple[Weights, int]:
     """A network; as .npz where it is to be `written`."""
     if file:
-        model = load_model(file)
+        model = load_model(file, bands)
     else:
         config, params, error = best_so_far(run)
-        model = Model(config.model, params, {"name": config.name, "run": config.to_dict(), "validation": error})
+        asked = config.model if bands is None else with_bands(config.model, bands)
+        model = Model(asked, params, {"name": config.name, "run": config.to_dict(), "validation": error})
     metadata = model.metadata
     if half:
         exact, model = model, rounded(model)

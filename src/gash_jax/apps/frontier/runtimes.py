@@ -19,11 +19,13 @@ from flax.traverse_util import flatten_dict
 
 from gash_jax.apps.frontier.traced import Unavailable
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.graph.surfel_graph import with_surfels
 from gash_jax.measure.frontier import Outcome
 from gash_jax.models.model import Model, save_model
 from gash_jax.nn.inputs import node_arrays
 from gash_jax.nn.output import world_coefficients
 
+TOGETHER = 1024  # vertices of the surfel network in a call
 NUMPY_RUNTIME = Path(__file__).parents[4] / "runtimes" / "gash_numpy.py"
 
 
@@ -65,20 +67,27 @@ def onnx_run(mesh: Mesh, model: Model) -> Callable[[int], Outcome]:
         started = time.perf_counter()
         graph = model.graph(mesh, seed)
         built = time.perf_counter() - started
-        given = _inputs(model.config, graph)
-        found = np.asarray(session.run(None, {name: np.asarray(given[name]) for name in wanted})[0])
+        calls, place = onnx_calls(model.config, graph)
+        inputs = [{name: np.asarray(given[name]) for name in wanted} for given in calls]
+        found = np.concatenate([np.asarray(session.run(None, given)[0]) for given in inputs])[place]
         usable = np.any(mesh.normals != 0, axis=1)[:, None]
         return Outcome(np.where(usable, found, np.float32(0)), built)
 
     return run
 
 
-def _inputs(config: Any, graph: Any) -> dict[str, np.ndarray]:
-    """What a graph holds, by the names that the file of a network gives its inputs (docs/model_file.md)."""
-    if config.name == "local":
-        return {**graph.blocks, "slot": graph.slot}
+def onnx_calls(config: Any, graph: Any) -> tuple[list[dict[str, Any]], Any]:
+    """The inputs by name (docs/model_file.md) of each call of a network's file, and which row of the results in turn
+    is each vertex of the mesh."""
+    if config.name == "local":  # lists of one length together, and no more of them than memory can take
+        some = [
+            {name: array[start : start + TOGETHER] for name, array in part.items()}
+            for part in graph.parts
+            for start in range(0, len(part["normal"]), TOGETHER)
+        ]
+        return [with_surfels(part, graph.records) for part in some], graph.slot
     table = graph.senders.reshape(len(graph.nodes["motor"]), getattr(config, "neighbours", 0))
-    return {**graph.nodes, "neighbours": table}
+    return [{**graph.nodes, "neighbours": table}], slice(None)
 
 
 def pyg_run(mesh: Mesh, model: Model) -> Callable[[int], Outcome]:
