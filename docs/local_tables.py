@@ -4,6 +4,9 @@ from typing import Any
 
 import numpy as np
 
+# meshes of which a call of the network is not full, and pays for what is not there
+SMALL = 2000
+
 
 def table(header: list[str], rows: list[list[str]]) -> str:
     """A Markdown table, numbers to the right."""
@@ -17,26 +20,77 @@ def equivariance(result: dict[str, Any]) -> str:
     for row in result["equivariance"]:
         cells = [f"{row[key]:.1e}" for key in ("same_rms", "same_max", "rebuilt_rms", "rebuilt_max")]
         rows.append([row["mesh"], *cells, f"{row['rotor']['moved']:.1e}", f"{row['rotor']['turned']:.2f}"])
-    header = ["mesh", "same table, RMS", "largest", "rebuilt, RMS", "largest", "motors, mesh moved", "mesh turned"]
+    header = ["mesh", "same lists, RMS", "largest", "rebuilt, RMS", "largest", "motors, mesh moved", "mesh turned"]
     return table(header, rows)
 
 
 def convex(result: dict[str, Any]) -> str:
-    """The largest difference to the closed form on convex bodies, as a sentence."""
-    return ", ".join(f"{name} {value:.0e}" for name, value in result["convex"].items())
+    """The largest difference to the closed form, and expected error, on convex bodies, as a sentence."""
+    bodies = result["convex"].items()
+    return ", ".join(f"{name} {of['difference']:.0e} (expected {of['expected']:.0e})" for name, of in bodies)
+
+
+def continuity(result: dict[str, Any]) -> str:
+    """How the error changes from block to block, beside the reference, and between copies of a vertex."""
+    keys = ("error", "reference", "quotient", "shifted")
+    lines = [{**row, "quotient": _quotient(row["error"], row["reference"])} for row in result["continuity"]]
+    rows = [
+        [line["mesh"], *(decimals(line[key]) for key in keys), str(line["copies"]), f"{line['seam']:.0e}"]
+        for line in lines
+    ]
+    for name, of in (("median", np.median), ("largest", np.max)):
+        known = [[line[key] for line in lines if line[key] is not None] for key in keys]
+        rows.append([name, *(decimals(float(of(values)) if values else None) for values in known), "", ""])
+    header = ["mesh", "error", "reference", "error / reference", "error, beside shifted blocks"]
+    return table([*header, "copies in seams", "largest difference"], rows)
+
+
+def _quotient(a: float | None, b: float | None) -> float | None:
+    return a / b if a is not None and b else None
+
+
+def tenths(result: dict[str, Any]) -> str:
+    """Expected beside true RMS error: tenths of the partly hidden vertices of all meshes by what was expected."""
+    both = (result["calibration"]["tenths"][key] for key in ("said", "found"))
+    rows = [
+        [str(i + 1), f"{said:.4f}", f"{found:.4f}", f"{said / max(found, 1e-9):.2f}"]
+        for i, (said, found) in enumerate(zip(*both, strict=True))
+    ]
+    return table(["tenth", "expected", "true", "expected / true"], rows)
 
 
 def calibration(result: dict[str, Any]) -> str:
-    """Predicted beside true RMS error: tenths of the vertices by what was said, and meshes."""
-    tenths, meshes = result["calibration"]["tenths"], result["calibration"]["meshes"]
-    rows = [
-        [f"tenth {i + 1} of all vertices", f"{said:.4f}", f"{found:.4f}", f"{said / max(found, 1e-9):.2f}", ""]
-        for i, (said, found) in enumerate(zip(tenths["said"], tenths["found"], strict=True))
-    ]
-    for row in meshes:
-        ratio = f"{row['said'] / max(row['found'], 1e-9):.2f}"
-        rows.append([row["mesh"], f"{row['said']:.4f}", f"{row['found']:.4f}", ratio, f"{row['rank_correlation']:.2f}"])
-    return table(["vertices", "predicted", "true", "predicted / true", "rank correlation"], rows)
+    """Mesh by mesh: expected beside true RMS error, and how many partly hidden vertices the bound holds."""
+    rows = []
+    for row in result["calibration"]["meshes"]:
+        cells = [f"{row['said']:.4f}", f"{row['found']:.4f}", f"{row['partly_hidden']:.0%}"]
+        cells += [decimals(row["rank_correlation"]), share(row["inside"])]
+        most = row["most_where_unhidden"]
+        rows.append([row["mesh"], *cells, "-" if most is None else f"{most:.4f}"])
+    header = ["mesh", "expected", "true", "partly hidden", "rank correlation", "inside the bound"]
+    return table([*header, "most expected where nothing is hidden"], rows)
+
+
+def decimals(value: float | None) -> str:
+    """Two decimals, or a dash where there is no value."""
+    return "-" if value is None else f"{value:.2f}"
+
+
+def share(value: float | None) -> str:
+    """A share in percent, or a dash where there is none."""
+    return "-" if value is None else f"{value:.1%}"
+
+
+def bounded(result: dict[str, Any]) -> str:
+    """What the 90 % bound holds of all meshes together, as a sentence."""
+    found = result["calibration"]
+    if found["bound"] is None:
+        return "These weights have no bound."
+    shares = [row["inside"] for row in found["meshes"] if row["inside"] is not None]
+    return (
+        f"The bound is {found['bound']:.2f} times the expected error. It holds {share(found['inside'])} of the partly "
+        f"hidden vertices of all meshes, {share(min(shares))} to {share(max(shares))} of those of one mesh."
+    )
 
 
 def stages(result: dict[str, Any]) -> str:
@@ -45,11 +99,8 @@ def stages(result: dict[str, Any]) -> str:
     keys = (*keys, "two-stage", "pyg", "ratio")
     lines = [{**row, "ratio": row["pyg"] / row["predict"] if row["pyg"] else None} for row in result["rows"]]
     rows = [[line["mesh"], str(line["vertices"]), *(_number(line.get(key)) for key in keys)] for line in lines]
-    medians = []
-    for key in keys:
-        known = [line[key] for line in lines if isinstance(line.get(key), float)]
-        medians.append(_number(float(np.median(known)) if known else None))
-    rows.append(["median", "", *medians])
+    for name, chosen in _by_size(lines):
+        rows.append([f"median of {name}", "", *(_median(chosen, key) for key in keys)])
     header = [
         "mesh",
         "vertices",
@@ -61,6 +112,27 @@ def stages(result: dict[str, Any]) -> str:
         "`local` is worth rays",
     ]
     return table([*header, "bake of as many", "two-stage networks", "the same in PyG", "PyG / predict"], rows)
+
+
+def _by_size(lines: list[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
+    """Small meshes apart from the others; of no size that does not occur."""
+    sizes = {True: f"fewer than {SMALL} vertices", False: f"{SMALL} vertices or more"}
+    parts = [(name, [line for line in lines if (line["vertices"] < SMALL) == small]) for small, name in sizes.items()]
+    return [(name, chosen) for name, chosen in parts if chosen]
+
+
+def _median(lines: list[dict[str, Any]], key: str) -> str:
+    known = [line[key] for line in lines if isinstance(line.get(key), float)]
+    return _number(float(np.median(known)) if known else None)
+
+
+def further(result: dict[str, Any]) -> str:
+    """Microseconds a vertex of a whole prediction by what is asked for, small meshes apart."""
+    keys = {"predict": "as it ships", "all bands": "all bands that it knows", "bounces": "all bounces"}
+    rows = [
+        [name, str(len(chosen)), *(_median(chosen, key) for key in keys)] for name, chosen in _by_size(result["rows"])
+    ]
+    return table(["meshes", "how many", *keys.values()], rows)
 
 
 def _number(value: Any) -> str:
@@ -93,8 +165,9 @@ def motions(result: dict[str, Any]) -> str:
     rows = []
     for name, row in result["motions"].items():
         cells = [str(row["vertices"]), str(row["frames"]), f"{row['frame_ms']:.1f}", f"{row['us']:.1f}"]
-        for method in ("closed form", "plan kept", "plan renewed"):
+        for method in ("closed form", "plan kept", "plan renewed", "bake, 64 rays"):
             cells += [f"{row[method]['skill']:.3f}", f"{row[method]['flicker']:.4f}"]
         rows.append([name, *cells])
-    methods = [f"{m}, {key}" for m in ("closed form", "plan kept", "plan renewed") for key in ("skill", "flicker")]
+    named = ("closed form", "lists kept", "graph renewed", "bake, 64 rays")
+    methods = [f"{m}, {key}" for m in named for key in ("skill", "flicker")]
     return table(["motion", "vertices", "frames", "ms a frame", "us per vertex", *methods], rows)

@@ -9,7 +9,8 @@ import numpy as np
 from docs.baking_tables import origin
 from docs.local_tables import table
 from experiments.neural_gash.variants import SHIPPED
-from gash_jax.models.model import load_model, shipped_models
+from gash_jax.models.families import labels_of
+from gash_jax.models.model import Model, load_model, shipped_models
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,9 +22,10 @@ WHAT = {
     "two-stage": "The GNN paper's network as published: TransformerConv visibility, then GATv2 coefficients.",
 }
 LIMITS = {
-    "local": "Knows nothing of what is smaller than its surfels (48 to a block of vertices at most), nor of holes "
+    "local": "Knows nothing of what is smaller than its surfels (of which a vertex reads 256 at most), nor of holes "
     "between them; flat trays and soups of loose triangles are its weakest. `predicted_error` is an expectation over "
-    "shapes like those of the corpus and no bound: the results have its calibration.",
+    "shapes like those of the corpus, and the bound made of it was found on such shapes: the results say how many "
+    "vertices of other meshes keep it.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "
     "another orientation of the same mesh gets other coefficients.",
     "two-stage": "Sees 16 nearest neighbours a layer, so nothing far: where shadows come from afar it can be much "
@@ -47,6 +49,7 @@ def card(name: str, path: Path, result: dict[str, Any], corpora: dict[str, Any])
     shapes += f" (made with {made['least']} to {made['most']})"
     lines = [
         ["parameters", f"{parameters} in {path.stat().st_size / 1e6:.2f} MB"],
+        *_abilities(model),
         ["trained on", f"{shapes}, labels of {data['rays']} rays; no mesh from elsewhere"],
         ["budget", f"{budget}, seed {train['seed']}, {train['batch_vertices']} vertices a batch"],
         ["skill on unseen meshes", f"median {np.median(skills):.3f}, from {min(skills):.2f} to {max(skills):.2f}"],
@@ -54,6 +57,16 @@ def card(name: str, path: Path, result: dict[str, Any], corpora: dict[str, Any])
         ["time", f"network {np.median([row['network_us'] for row in rows]):.1f} us a vertex"],
     ]
     return f"## `{name}`\n\n{WHAT[name]}\n\n{table(['', ''], lines)}\n\nLimits: {LIMITS[name]}\n"
+
+
+def _abilities(model: Model) -> list[list[str]]:
+    """What a network knows beyond what it says unasked, and the bound of its error."""
+    (bands, bounces), lines = labels_of(model.config), []
+    if bands > model.config.bands or bounces:
+        lines.append(["can be asked for", f"1 to {bands} bands, up to {bounces} bounces"])
+    if "bound" in model.metadata:
+        lines.append(["bound of 90 % of the vertices", f"{model.metadata['bound']:.2f} times `predicted_error`"])
+    return lines
 
 
 def _leaves(tree: Any) -> list[Any]:

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from docs import local_tables, trial_tables
+from docs import trial_tables
 from docs.baking_tables import origin
 from docs.cga_table import encodings, versor_speed
 from docs.conclusions import beaten, conclusions, median_rays
+from docs.local_page import NEEDED, read_result, sections
 from docs.local_tables import table as _table
 from docs.method_names import key_of_names, method_name
 from docs.paper_statements import statements
@@ -177,7 +178,6 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
     """The whole document."""
     text = (Path(__file__).parent / "results_text.md").read_text(encoding="utf-8")
     result, times, scene = (results[name] for name in ("neural_gash", "latency", "scene"))
-    trust, speed = results["local_trust"], results["local_speed"]
     tables = {
         "CONCLUSIONS": conclusions(results),
         "NAMES": key_of_names(),
@@ -198,30 +198,19 @@ def page(results: dict[str, dict[str, Any]], sweep_file: Path) -> str:
         "TIMES": f"{origin(times)}.",
         "ORIGIN": f"{origin(result)}, seed 0; reference {result['arguments']['rays']} rays per vertex."
         + renewed(result),
-        "EQUIVARIANCE": local_tables.equivariance(trust),
-        "CONVEX": local_tables.convex(trust),
-        "CALIBRATION": local_tables.calibration(trust),
-        "TRUST": f"{origin(trust)}, seed {trust['seed']}; reference {trust['arguments']['rays']} rays per vertex.",
-        "STAGES": local_tables.stages(speed),
-        "FASTER": local_tables.faster(speed),
-        "SIZES": local_tables.sizes(speed),
-        "MOTIONS": local_tables.motions(speed),
-        "SPEED": f"{origin(speed)}; reference of the motions {speed['arguments']['rays']} rays per vertex.",
+        **sections(results),
     }
     for name, table in tables.items():
         text = text.replace(f"<!-- {name} -->", table)
     return text
 
 
-RESULTS = (
-    *("neural_gash", "latency", "scene", "local_trust", "local_speed", "calibration", "error_target"),
-    "versor_speed",
-)
+RESULTS = ("neural_gash", "latency", "scene", *NEEDED, "calibration", "error_target", "versor_speed")
 
 
 def committed_results() -> dict[str, dict[str, Any]]:
-    """The results that are committed, by name."""
-    results = {name: json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text()) for name in RESULTS}
+    """The results that are committed, by name. Raises ValueError, with what to run, where some are missing."""
+    results = {name: read_result(name) for name in RESULTS}
     return results | {"cga": json.loads((ROOT / "experiments" / "cga" / "results.json").read_text())}
 
 

@@ -26,6 +26,7 @@ from gash_jax.measure.provenance import provenance
 from gash_jax.measure.reference import REFERENCE_RAYS, Reference, make_reference, score
 from gash_jax.measure.timing import timed
 from gash_jax.models.deforming import deforming_predictor
+from gash_jax.models.families import labels_of
 from gash_jax.models.model import Model, load_model
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.primitives import bumpy_sphere
@@ -34,19 +35,25 @@ from gash_jax.shapes.primitives import bumpy_sphere
 RESOLUTIONS = (32, 100, 178, 316)
 MOTIONS = ("cesium_man_walk", "cat_poses", "lion_poses", "cat_run_lowpoly")
 FRAMES, RAYS = 12, 1024
+# of the plain bake whose flicker stands beside the network's
+FEW_RAYS = 64
 ROOT = Path(__file__).parents[2]
 
 
 def stages(models: dict[str, Model], mesh: Mesh, reference: Reference) -> dict[str, Any]:
     """Microseconds a vertex of `local` and, in the same run, of the two-stage network, its twin and plain bakes.
 
-    One of the bakes has as many rays as `local` is worth on this mesh (none where that is only bounded).
+    `local` also with all the bands that it knows, and with all bounces. One of the bakes has as many rays as `local` is
+    worth on this mesh (none where that is only bounded).
     """
     us = 1e6 / len(mesh.vertices)
     graph, building = timed(lambda: models["local"].graph(mesh))
     _, network = timed(lambda: models["local"](graph))
     _, whole = timed(lambda: models["local"].predict(mesh))
     row: dict[str, Any] = {"graph": building * us, "network": network * us, "predict": whole * us}
+    row["all bands"] = timed(lambda: models["all bands"].predict(mesh))[1] * us
+    if bounces := labels_of(models["local"].config)[1]:
+        row["bounces"] = timed(lambda: models["local"].predict(mesh, bounces=bounces, albedo=0.5))[1] * us
     row["equivalent rays"] = score(models["local"].predict(mesh).coefficients, mesh, reference)["equivalent_rays"]
     bakes = {"bake 8": 8, "bake 16": 16}
     if isinstance(row["equivalent rays"], float):
@@ -95,7 +102,11 @@ def _frames(folder: Path | None, quick: bool) -> dict[str, tuple[np.ndarray, np.
 
 
 def motion(model: Model, positions: np.ndarray, faces: np.ndarray, rays: int) -> dict[str, Any]:
-    """Time a frame of the compiled call, and skill and flicker beside those of the closed form and of a fresh graph."""
+    """Time a frame of the compiled call, and skill and flicker.
+
+    Beside it the closed form, a graph built anew for every frame, and a plain bake of few rays, whose directions are
+    those of a vertex in every frame, and not those of the reference.
+    """
     meshes = [prepare_mesh(frame, faces)[0] for frame in positions]
     started = time.perf_counter()
     predict = deforming_predictor(model, meshes[0])
@@ -106,20 +117,26 @@ def motion(model: Model, positions: np.ndarray, faces: np.ndarray, rays: int) ->
         started = time.perf_counter()
         found.append(np.asarray(predict(frame)[0]))
         times.append(time.perf_counter() - started)
-    truth = np.stack([bake_transfer(mesh, rays=rays).coefficients for mesh in meshes])
-    formula = np.stack([np.asarray(unshadowed_transfer(mesh.normals, 3)) for mesh in meshes])
+    bands = model.config.bands
+    truth = np.stack([bake_transfer(mesh, bands, rays).coefficients for mesh in meshes])
+    few = np.stack([bake_transfer(mesh, bands, FEW_RAYS, replicates=1, seed=1).coefficients for mesh in meshes])
+    formula = np.stack([np.asarray(unshadowed_transfer(mesh.normals, bands)) for mesh in meshes])
     fresh = np.stack([model.predict(mesh).coefficients for mesh in meshes])
     mean = float(np.mean((formula - truth) ** 2))
     row: dict[str, Any] = {"vertices": positions.shape[1], "frames": len(positions), "ready_seconds": ready}
     row |= {"frame_ms": 1e3 * float(np.median(times)), "us": 1e6 * float(np.median(times)) / positions.shape[1]}
-    for name, estimate in (("closed form", formula), ("plan kept", np.stack(found)), ("plan renewed", fresh)):
+    kept = np.stack(found)
+    estimates = {"closed form": formula, "plan kept": kept, "plan renewed": fresh, f"bake, {FEW_RAYS} rays": few}
+    for name, estimate in estimates.items():
         skill = 1 - float(np.mean((estimate - truth) ** 2)) / mean
         row[name] = {"skill": skill, "flicker": metrics.flicker(estimate, truth)}
     return row
 
 
 def main(model: str, meshes: Path | None, animated: Path | None, output: Path | None, quick: bool) -> dict[str, Any]:
-    models = {"local": load_model(model), "two-stage": load_model("two-stage")}
+    network = load_model(model)
+    models = {"local": network, "all bands": load_model(model, labels_of(network.config)[0])}
+    models["two-stage"] = load_model("two-stage")
     rows = []
     for label, read in load_meshes(meshes, quick).items():
         mesh = read()
