@@ -40,6 +40,8 @@ def card(name: str, path: Path, result: dict[str, Any], corpora: dict[str, Any])
     run, parameters = model.metadata["run"], sum(leaf.size for leaf in map(np.asarray, _leaves(model.params)))
     data, train = run["data"], run["train"]
     budget = f"{train['seconds']:.0f} s of {'CPU time of each core' if train.get('clock') == 'cpu' else 'wall time'}"
+    if train.get("start_from"):
+        budget += f", begun from {train['start_from']}"
     rows = [row["methods"][MEASURED[name]] for row in result["rows"]]
     skills = [row["skill"] for row in rows if isinstance(row["skill"], float)]
     shapes = (

@@ -38,8 +38,8 @@ FULL = 128.0
 WIDTHS = (48, 80, 128, 256)
 TINY = np.float32(1e-12)
 FAN_BITS = FAN.bit_length() - 1
-# vertices at a time: their pairs stay in the cache
-CHUNK = 1024
+# vertices at a time: fewer, and threads wait for the interpreter between short loops; more, and pairs leave the cache
+CHUNK = 4096
 
 Pairs = tuple[np.ndarray, ...]
 
@@ -199,21 +199,31 @@ def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> np.ndarray:
 def _place(levels: list[Pairs], begin: np.ndarray, lengths: np.ndarray, table: np.ndarray, weight: np.ndarray) -> None:
     """Put the pairs of some vertices where their lists begin; of lists that are too long the most important."""
     if lengths.size and lengths.max() > WIDTHS[-1]:
-        levels = [_shortened(levels, len(lengths))]
+        levels = _shortened(levels, lengths)
     filled = begin.copy()
     for vertex, node, share, _ in levels:
         found = np.bincount(vertex, minlength=len(filled))
         # pairs of one level are in the order of the vertices
-        place = np.take(filled - (np.cumsum(found) - found), vertex) + np.arange(len(vertex))
+        place = np.repeat(filled - (np.cumsum(found) - found), found)
+        place += np.arange(len(vertex))
         table[place], weight[place] = node, share
         filled += found
 
 
-def _shortened(levels: list[Pairs], count: int) -> Pairs:
-    """All levels as one, of every vertex no more than the last of WIDTHS."""
-    vertex, node, share, importance = (np.concatenate(arrays) for arrays in zip(*levels, strict=True))
+def _shortened(levels: list[Pairs], lengths: np.ndarray) -> list[Pairs]:
+    """The levels, of every vertex no more pairs than the last of WIDTHS."""
+    overlong = lengths > WIDTHS[-1]
+    own = [np.flatnonzero(np.take(overlong, level[0])) for level in levels]
+    vertex, importance = (
+        np.concatenate([np.take(level[i], part) for level, part in zip(levels, own, strict=True)]) for i in (0, 3)
+    )
     order = np.lexsort((-importance, vertex))
-    found = np.bincount(vertex, minlength=count)
+    found = np.bincount(vertex, minlength=len(lengths))
     rank = np.arange(len(vertex)) - np.repeat(np.cumsum(found) - found, found)
-    kept = order[rank < WIDTHS[-1]]
-    return vertex[kept], node[kept], share[kept], importance[kept]
+    left_out = np.zeros(len(vertex), bool)
+    left_out[order[rank >= WIDTHS[-1]]] = True
+    parts = np.split(left_out, np.cumsum([len(part) for part in own])[:-1])
+    return [
+        tuple(np.delete(array, part[mask]) for array in level)
+        for level, part, mask in zip(levels, own, parts, strict=True)
+    ]

@@ -21,7 +21,7 @@ from gash_jax.graph.surfel_graph import Part, SurfelGraph, with_surfels
 from gash_jax.graph.surfel_lists import WIDTHS
 
 # pairs in a call of the first half, which stay in the cache together; vertices in one of the second half
-PAIRS, VERTICES = 8192, 1024
+PAIRS, VERTICES = 16384, 1024
 
 
 @partial(jax.jit, static_argnames="module")
