@@ -22,7 +22,7 @@ def main(output: Path | None, quick: bool) -> dict[str, Any]:
         data = load_config(name).data
         shapes = 4 if quick else data.shapes + data.validation_shapes
         asked = (data.min_vertices, data.max_vertices)
-        counts = [len(make_shape(data.seed, index, asked)[1].vertices) for index in range(shapes)]
+        counts = [len(make_shape(data.seed, index, asked, data.kinds)[1].vertices) for index in range(shapes)]
         found = {"least": min(counts), "median": float(np.median(counts)), "most": max(counts)}
         rows.append({"config": name, "shapes": shapes, "asked": list(asked), **found})
     return saved(output, provenance(seed=0, rows=rows))

@@ -110,6 +110,22 @@ def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.Mon
     assert np.count_nonzero(whole, axis=1).max() > 12 >= np.count_nonzero(cut, axis=1).max()
 
 
+def test_crowded_lists_are_made_anew_with_less_importance(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, full = bumpy_case(), 30.0
+    before = dense_weights(case, case.lists())
+    assert before.sum(axis=1).max() < surfel_lists.FULL  # no list of this mesh is crowded as it is
+    monkeypatch.setattr(surfel_lists, "FULL", full)
+    after, crowded = dense_weights(case, case.lists()), before.sum(axis=1) > full
+    np.testing.assert_array_equal(after[~crowded], before[~crowded])
+    assert 0 < np.mean(crowded) < 1 and np.all(after.sum(axis=1)[crowded] < before.sum(axis=1)[crowded])
+    for vertex in np.flatnonzero(crowded)[::40]:
+        place, normal = case.positions[vertex], case.normals[vertex]
+        expected, _ = walked_list(case, place, normal, full / sum(walked_list(case, place, normal)[0].values()))
+        row = np.zeros(len(case.records))
+        row[list(expected)] = list(expected.values())
+        np.testing.assert_allclose(after[vertex], row, atol=1e-3)
+
+
 def test_lists_do_not_change_when_the_mesh_is_moved() -> None:
     case = bumpy_case()
     expected = dense_weights(case, case.lists())
@@ -146,8 +162,8 @@ def test_nothing_to_see_and_nobody_to_see_it() -> None:
     case = bumpy_case()
     nobody = case.lists(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
     assert [part.table.shape for part in nobody] == [(0, width) for width in WIDTHS]
-    flat = surfel_case(Mesh(*(np.array(a, np.float32) for a in ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.zeros((3, 3)))),
-                      np.array([[0, 1, 2]], np.int32)))  # fmt: skip
+    line = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
+    flat = surfel_case(Mesh(line, np.zeros_like(line), np.array([[0, 1, 2]], np.int32)))
     (first, *others) = flat.lists()
     assert len(first.vertices) == 3 and not any(len(part.vertices) for part in others)
     assert not first.weight.any() and np.all(first.table == len(flat.records) - 1)

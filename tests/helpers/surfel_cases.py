@@ -58,14 +58,16 @@ def importance_of(record: np.ndarray, position: np.ndarray, normal: np.ndarray) 
     return (s / length) ** 2 * min(max((normal @ offset + 1.5 * s) / length, 0.0), 1.0)
 
 
-def walked_list(case: SurfelCase, position: np.ndarray, normal: np.ndarray) -> tuple[Weights, Weights]:
-    """Weight and importance of everything that a vertex sees, in float64."""
+def walked_list(
+    case: SurfelCase, position: np.ndarray, normal: np.ndarray, scale: float = 1.0
+) -> tuple[Weights, Weights]:
+    """Weight and importance of everything that a vertex sees, in float64; `scale` multiplies the importance."""
     weights, importances = {}, {}
     waiting = [(node, 1.0) for node in range(case.plan.tree.level_sizes[0])]
     while waiting:
         node, above = waiting.pop()
         child = int(case.plan.tree.first_child[node])
-        i = importance_of(case.records[node].astype(np.float64), position.astype(float), normal.astype(float))
+        i = scale * importance_of(case.records[node].astype(np.float64), position.astype(float), normal.astype(float))
         opened = min(max(i / float(OPENING) - 1, 0.0), 1.0) if child >= 0 else 0.0
         weights[node] = above * (1 - opened) * min(max(i / float(NEGLIGIBLE) - 1, 0.0), 1.0)
         importances[node] = i

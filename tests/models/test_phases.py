@@ -17,6 +17,7 @@ from gash_jax.models.phases import (
     surfel_loss,
     surfel_phases,
 )
+from gash_jax.nn.surfel_net import SurfelConfig
 from tests.helpers.bumpy import bumpy_mesh, random_variables
 
 CONFIG: Any = model_config("local", bands=4, known_bounces=1)
@@ -68,7 +69,8 @@ def test_who_is_right_loses_nothing_and_dark_vertices_stay_finite() -> None:
     labels, right = _labels(5, direct, bounced), _output(5, own=direct, bounced=bounced, formula=1.0)
 
     def loss(output: jax.Array, labels: jax.Array) -> jax.Array:
-        return sum(part(output, labels, jnp.ones(5), config=CONFIG) for part in (surfel_loss, further_loss))
+        losses = (part(output, labels, jnp.ones(5), config=CONFIG) for part in (surfel_loss, further_loss))
+        return jnp.sum(jnp.stack(list(losses)))
 
     assert float(loss(right, labels)) == 0 < float(loss(right + 0.1, labels))
     # nothing arrives, nor would it: a vertex without a normal
@@ -124,7 +126,7 @@ def test_errors_move_no_coefficients_and_coefficients_no_errors() -> None:
     assert [phase.name for phase in phases] == ["coefficients", "further", "error"]
     assert [phase.held_out for phase in phases] == [False, False, True]
     assert {phase.method for phase in phases} == {"everything"} and {phase.columns for phase in phases} == {K}
-    few = surfel_phases(model_config("local", bands=3))
+    few = surfel_phases(SurfelConfig("local", 3))
     assert [phase.name for phase in few] == ["coefficients", "error"]
     for plan in (phases, few):
         assert sum(phase.share for phase in plan) == pytest.approx(1)

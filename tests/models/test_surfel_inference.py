@@ -74,8 +74,8 @@ def test_calls_predict_as_the_whole_does(
 
 
 def test_the_size_of_calls_by_hand() -> None:
-    """Multiples of 8 that keep to 8192 pairs: 8192 / 80 = 102.4."""
-    assert [inference._call_size(width) for width in (24, 48, 80, 128, 256)] == [336, 168, 96, 64, 32]
+    """Multiples of 8 that keep to 16384 pairs: 16384 / 80 = 204.8."""
+    assert [inference._call_size(width) for width in (24, 48, 80, 128, 256)] == [680, 336, 200, 128, 64]
     assert all(0 < inference._call_size(width) * width <= inference.PAIRS for width in WIDTHS)
 
 
@@ -147,7 +147,8 @@ def test_no_vertices_and_no_area() -> None:
 
 def test_calls_are_compiled_before_they_are_needed() -> None:
     def compiled() -> int:
-        return inference.encode_part._cache_size() + inference.decode_found._cache_size()
+        calls: Any = (inference.encode_part, inference.decode_found)
+        return sum(call._cache_size() for call in calls)
 
     module, before = MODULE.clone(bands=2), compiled()  # of its own for this test
     compile_calls(module, _params(), _graph())

@@ -164,7 +164,8 @@ def test_gradients_are_finite_also_where_points_coincide_and_lists_are_empty() -
 def test_jit_and_vmap_change_nothing() -> None:
     apply, variables = surfel_apply(), surfel_variables()
     plain = apply(variables, bumpy_parts())
-    np.testing.assert_allclose(SurfelNet(**SMALL_SURFELS).apply(variables, bumpy_parts()), plain, atol=1e-5)
+    eager: Any = SurfelNet(**SMALL_SURFELS).apply(variables, bumpy_parts())
+    np.testing.assert_allclose(eager, plain, atol=1e-5)
     other = jax.tree.map(lambda leaf: leaf * np.float32(0.5), variables)
     both = jax.tree.map(lambda *leaves: np.stack(leaves), variables, other)
     found = jax.vmap(lambda v: apply(v, bumpy_parts()))(both)

@@ -22,7 +22,6 @@ Lists are padded to one of WIDTHS with surfels of weight 0, and vertices with li
 more than the last of them keeps its most important.
 """
 
-import itertools
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -110,20 +109,15 @@ def _lists(levels: list[list[np.ndarray]], own: np.ndarray) -> tuple[np.ndarray,
     """Lengths of the lists of some vertices, and level by level what is in them: vertex, surfel, weight, importance."""
     count = own.shape[1]
     lengths, found = _walk(levels, own, np.ones(count, np.float32))
-    total = sum(np.bincount(vertex, weight, count) for vertex, _, weight, _ in found)
+    total = np.sum([np.bincount(vertex, weight, count) for vertex, _, weight, _ in found], axis=0)
     crowded = np.flatnonzero(total > FULL)
     if not len(crowded):
         return lengths, found
     shorter, again = _walk(levels, own[:, crowded], (FULL / total[crowded]).astype(np.float32))
     lengths[crowded] = shorter
-    kept = []
-    for level, other in itertools.zip_longest(found, again, fillvalue=(np.zeros(0, np.int64),) * 4):
-        calm = np.flatnonzero(total[level[0]] <= FULL)
-        own_again = (crowded[other[0]], *other[1:])
-        joined = [np.concatenate([np.take(a, calm), b]) for a, b in zip(level, own_again, strict=True)]
-        order = np.argsort(joined[0], kind="stable")
-        kept.append(tuple(a[order] for a in joined))
-    return lengths, kept
+    calm = [np.flatnonzero(np.take(total, level[0]) <= FULL) for level in found]
+    kept = [tuple(np.take(array, own) for array in level) for level, own in zip(found, calm, strict=True)]
+    return lengths, [*kept, *((np.take(crowded, level[0]), *level[1:]) for level in again)]
 
 
 def _walk(levels: list[list[np.ndarray]], own: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, list[Pairs]]:

@@ -93,9 +93,9 @@ def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[A
 
 def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
     """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
-    for part, width in zip(graph.parts, WIDTHS, strict=True):
-        empty = with_surfels({name: array[:0] for name, array in part.items()}, graph.records)
-        found = encode_part(module, params, _filled(empty, _call_size(width)))
+    empty = [{name: array[:0] for name, array in part.items()} for part in graph.parts]
+    parts = [_filled(with_surfels(part, graph.records), _call_size(w)) for part, w in zip(empty, WIDTHS, strict=True)]
+    found = [encode_part(module, params, part) for part in parts][-1]
     normals = np.zeros((VERTICES, 3), np.float32)
     jax.block_until_ready(decode_found(module, params, _filled(jax.tree.map(np.asarray, found), VERTICES), normals))
 
