@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from docs import local_page, local_tables, reach_tables
-from experiments.local import measures, reach, trust
+from experiments.local import before_after, measures, reach, trust
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.measure.reference import Reference
@@ -50,6 +50,18 @@ def test_relative_error_counts_what_is_dark() -> None:
         assert measures.relative_error(mesh, truth + 0.1 * formula, truth) == pytest.approx(expected, rel=1e-4)
     dark = Mesh(mesh.vertices, 0 * mesh.normals, mesh.faces)
     assert measures.relative_error(dark, 0 * formula, 0 * formula) is None
+
+
+def test_both_editions_stand_in_one_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def readers(folder: Path | None, quick: bool) -> dict[str, Any]:
+        return {name: lambda: bumpy_mesh(60) for name in ("generated 1", "igea")}
+
+    monkeypatch.setattr(before_after, "load_meshes", readers)
+    monkeypatch.setattr(
+        before_after, "predictions", lambda *_: dict.fromkeys(readers(None, True), np.zeros((60, 9), np.float32))
+    )
+    (path,) = before_after.main(None, tmp_path, quick=True)  # of igea no picture may be shown
+    assert path.name == "editions_generated_1.png" and path.stat().st_size > 1000
 
 
 def test_a_mesh_is_cut_without_being_changed() -> None:
