@@ -8,9 +8,9 @@ from gash_jax.geometry.mesh import Mesh
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.graph.repeated_vertices import first_of_repeated
 from gash_jax.graph.surfel_graph import normalised, outward_faces
-from gash_jax.graph.surfels import VERTEX_BITS, curve_order, surface_axes
+from gash_jax.graph.surfels import curve_order, surface_axes
 
-BLOCK = 16
+BLOCK, LEAD_BITS = 16, 12
 # what is nearly dark is measured against this part of the closed form
 ARRIVING = 0.05
 
@@ -22,7 +22,7 @@ def edges_and_places(mesh: Mesh) -> tuple[Int[np.ndarray, "e 2"], Int[np.ndarray
     first = first_of_repeated(positions, mesh.normals)
     faces, area = outward_faces(shape, first)
     own = np.flatnonzero(first == np.arange(len(first)))
-    order = curve_order(positions[own], mesh.normals[own], surface_axes(positions, faces, area), VERTEX_BITS)
+    order = curve_order(positions[own], mesh.normals[own], surface_axes(positions, faces, area), LEAD_BITS)
     place = np.zeros(len(first), np.int64)
     place[own[order]] = np.arange(len(own))
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)

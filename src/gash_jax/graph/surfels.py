@@ -24,7 +24,7 @@ TOP = 64
 # leaves to aim at where the mesh has fewer faces, and the most parts along an edge
 LEAVES, MOST_PARTS = 8192, 8
 # bits of the curve's code that come before the octant of the normal: two sides of a thin plate part early
-SURFACE_BITS, VERTEX_BITS = 9, 12
+SURFACE_BITS = 9
 CURVE_BITS = 30
 # with the three of an octant 63 bits: all that an index and a code have together
 INDEX_BITS = 30

@@ -9,7 +9,7 @@ a byte of the body is read. So the limits of vertices and faces are that of the 
 Normals that are sent are made unit and taken as they are, 0 where a vertex has none; without them they are computed
 from the faces, as for a file without normals.
 
-A soup of faces that are as long as the mesh is refused: every block of vertices would look at all of them, which takes
+A soup of faces that are as long as the mesh is refused: every vertex would walk through all of them, which takes
 minutes and gigabytes. On a surface the squared lengths of the faces add up to some tens of its squared radius, however
 fine it is; more than CROWDED / 9 of it, with more than CROWDED faces, is such a soup.
 """
@@ -27,7 +27,7 @@ from gash_jax.geometry.normalised import NormalisedMesh
 
 ROW = 12  # bytes of three numbers
 MOST_DIGITS = 9
-CROWDED = 25_000  # faces that a block of vertices may have around it, three of their lengths or less away
+CROWDED = 25_000  # faces that a vertex may have around it, three of their lengths or less away
 
 
 def check_names(query: Mapping[str, str], known: Collection[str]) -> None:
