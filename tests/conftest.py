@@ -9,13 +9,16 @@ $GASH_TEST_CACHE keeps the folder from one session to the next, on one machine.
 """
 
 import atexit
+import gc
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
 import pytest
 
+MOST_MAPS = 30_000
 FAST_COMPILATION = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 
 
@@ -38,6 +41,19 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["GASH_TEST_CACHE"] = tempfile.mkdtemp(prefix="gash-test-cache-")
         atexit.register(shutil.rmtree, os.environ["GASH_TEST_CACHE"], ignore_errors=True)
     _share_cache(os.environ["GASH_TEST_CACHE"])
+
+
+def _memory_maps() -> int:
+    """How many pieces of memory this process has mapped; 0 where the system does not say."""
+    maps = Path("/proc/self/maps")
+    return len(maps.read_bytes().splitlines()) if maps.exists() else 0
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Every compiled program maps memory, and at 65530 maps Linux refuses more, which the compiler does not survive."""
+    if (nextitem is None or nextitem.path != item.path) and "jax" in sys.modules and _memory_maps() > MOST_MAPS:
+        sys.modules["jax"].clear_caches()
+        gc.collect()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
