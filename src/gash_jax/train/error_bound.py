@@ -10,6 +10,7 @@ from gash_jax.measure.metrics import partly_hidden
 from gash_jax.models.examples import Example
 from gash_jax.models.families import build_model, family_of
 from gash_jax.nn.config import ModelConfig
+from gash_jax.nn.surfel_net import SurfelConfig
 
 HELD = 0.9
 
@@ -25,6 +26,8 @@ def error_bound(config: ModelConfig, params: Any, examples: Sequence[Example]) -
     Errors are RMS over the coefficients of a vertex, without the labels' own noise where it is known. None for a
     network that expects no errors, and where there is no partly hidden vertex.
     """
+    if not isinstance(config, SurfelConfig):  # no other says what errors to expect
+        return None
     family, ratios = family_of(config), []
     module = build_model(config)
     for example in examples:
