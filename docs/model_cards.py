@@ -23,7 +23,7 @@ WHAT = {
 }
 LIMITS = {
     "local": "Knows nothing of what is smaller than its surfels (of which a vertex reads 256 at most), nor of holes "
-    "between them; flat trays and soups of loose triangles are its weakest. `predicted_error` is an expectation over "
+    "between them; soups of loose triangles are its weakest. `predicted_error` is an expectation over "
     "shapes like those of the corpus, and the bound made of it was found on such shapes: the results say how many "
     "vertices of other meshes keep it.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "

@@ -264,9 +264,10 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 # ---------------------------------------------------------------- surfels (section "Surfels")
 
-FAN, TOP, LEAVES, MOST_PARTS = 4, 64, 8192, 8
+FAN, TOP, LEAVES, MOST_PARTS, MOST_SLICES, MOST_SLICED = 4, 64, 8192, 8, 16, 32768
 LEAD_BITS, CURVE_BITS = 9, 30
 OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.11), np.float32(0.01), 128.0, 256
+CLOSE, TOUCHING = np.float32(0.03), np.float32(1e-5)
 NEAR, TOGETHER = 8, 512  # near corners; vertices at a time, so that memory is bounded
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
 ROW, COLUMN = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
@@ -288,8 +289,17 @@ def triangle_parts(k: int) -> np.ndarray:
     return np.array([[(k - i - j, i, j) for i, j in part] for part in parts], np.float32) / np.float32(k)
 
 
-PIECES = np.concatenate([triangle_parts(k) for k in range(1, MOST_PARTS + 1)])
-PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
+def triangle_slices(m: int, tip: int) -> np.ndarray:
+    """Barycentric corners of the 2 m - 1 triangles of m slices towards corner number `tip`."""
+    parts = [[(m - i, 0, i), (0, m - i, i), (m - i - 1, 0, i + 1)] for i in range(m)]
+    parts += [[(0, m - i, i), (0, m - i - 1, i + 1), (m - i - 1, 0, i + 1)] for i in range(m - 1)]
+    return np.roll(np.array(parts, np.float32) / np.float32(m), tip - 2, axis=2)
+
+
+WAYS = [triangle_parts(k) for k in range(1, MOST_PARTS + 1)]
+WAYS += [triangle_slices(m, tip) for m in range(2, MOST_SLICES + 1) for tip in range(3)]
+PIECES, PIECE_COUNT = np.concatenate(WAYS), np.array([len(way) for way in WAYS])
+PIECE_START = np.cumsum(PIECE_COUNT) - PIECE_COUNT
 
 
 def curve_order(points: np.ndarray, normals: np.ndarray, axes: np.ndarray) -> np.ndarray:
@@ -361,13 +371,24 @@ def towards_farthest(offsets: np.ndarray, axes: np.ndarray) -> np.ndarray:
     return axes @ basis[:, ::-1]
 
 
+def cut_faces(points: np.ndarray, faces: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Face and piece of every leaf, face by face: large faces in k^2 equal parts, slivers in slices."""
+    even = np.sqrt(area.sum() / LEAVES) + np.finfo(float).tiny
+    parts = np.clip(np.ceil(np.sqrt(area) / even), 1, MOST_PARTS).astype(int)
+    sides = np.stack([np.linalg.norm(points[faces[:, i - 1]] - points[faces[:, i - 2]], axis=1) for i in range(3)])
+    length, width = sides.max(0), sides.min(0)
+    sliver = length > np.maximum(2 * width, 1.52 * even * parts)
+    thick = np.maximum(width, max(1.52 * even, 2 * float(length[sliver].sum()) / MOST_SLICED))
+    slices = np.clip(np.ceil(length / thick), 1, MOST_SLICES).astype(int)
+    way = np.where(sliver & (slices > parts), MOST_PARTS + 3 * (slices - 2) + sides.argmin(0), parts - 1)
+    face = np.repeat(np.arange(len(faces)), PIECE_COUNT[way])
+    first = np.cumsum(PIECE_COUNT[way]) - PIECE_COUNT[way]
+    return face, np.arange(len(face)) - np.repeat(first - PIECE_START[way], PIECE_COUNT[way])
+
+
 def build_tree(points: np.ndarray, faces: np.ndarray, area: np.ndarray, axes: np.ndarray) -> Tree:
-    """Cut large faces, sort the parts along the curve, and make families of FAN until at most TOP are left."""
-    parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
-    parts = np.clip(parts, 1, MOST_PARTS)
-    face = np.repeat(np.arange(len(faces)), parts**2)
-    first = np.cumsum(parts**2) - parts**2
-    piece = np.arange(len(face)) - np.repeat(first - PIECE_START[parts - 1], parts**2)
+    """Cut the faces, sort the parts along the curve, and make families of FAN until at most TOP are left."""
+    face, piece = cut_faces(points, faces, area)
     corners, weights = points[faces], PIECES.mean(axis=1)[piece]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[face]
     middle = sum(weights[:, i, None] * corners[face, i] for i in range(3))
@@ -451,8 +472,8 @@ def list_pairs(tree: Tree, surfel: np.ndarray, own: np.ndarray, scale: np.ndarra
 
 def list_surfels(
     tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The list of each vertex, the most important first: rows of `records` and their weights, both (v, n).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The list of each vertex, the most important first: rows of `records`, their weights and importance, (v, n).
 
     Lists are filled up to the length of the longest, with the empty record and weight 0.
     """
@@ -467,14 +488,49 @@ def list_surfels(
     calm = total[pairs[0]] <= FULL
     again = (crowded[again[0]], *again[1:])
     vertex, node, weight, weighty = (np.concatenate([a[calm], b]) for a, b in zip(pairs, again, strict=True))
+    # what is wholly below the horizon counts nothing
+    x, y, z = normals[vertex].T
+    height = x * (surfel[0, node] - own[0, vertex]) + y * (surfel[1, node] - own[1, vertex])
+    height += z * (surfel[2, node] - own[2, vertex])
+    extent = quadratic(records[node, 14:].T, (x, y, z))
+    seen = (height > 0) | (height * height <= np.float32(1.0001) * extent)
+    vertex, node, weight, weighty = vertex[seen], node[seen], weight[seen], weighty[seen]
     order = np.lexsort((-weighty, vertex))
-    vertex, node, weight = vertex[order], node[order], weight[order]
+    vertex, node, weight, weighty = vertex[order], node[order], weight[order], weighty[order]
     found = np.bincount(vertex, minlength=count)
     rank = np.arange(len(vertex)) - np.repeat(np.cumsum(found) - found, found)
     fits, length = rank < LONGEST, min(max(found.max(), 1), LONGEST)
-    table, weights = np.full((count, length), len(records) - 1), np.zeros((count, length), np.float32)
-    table[vertex[fits], rank[fits]], weights[vertex[fits], rank[fits]] = node[fits], weight[fits]
-    return table, weights
+    table, told = np.full((count, length), len(records) - 1), np.zeros((2, count, length), np.float32)
+    table[vertex[fits], rank[fits]] = node[fits]
+    told[:, vertex[fits], rank[fits]] = weight[fits], weighty[fits]
+    return table, *told
+
+
+def cover(
+    tree: Tree, faces: np.ndarray, points: np.ndarray, own: np.ndarray, normals: np.ndarray, lists: tuple
+) -> np.ndarray:
+    """(n, 3): what the faces right beside the vertices `own` cover, from their lists (`list_surfels`)."""
+    table, weight, weighty = lists
+    leaf = table - sum(tree.level_sizes[:-1])
+    close = (leaf >= 0) & (leaf < len(tree.face)) & (weighty > CLOSE)
+    vertex, place = np.nonzero(close)
+    leaf = leaf[vertex, place]
+    corner = faces[tree.face[leaf]]
+    other = (corner != own[vertex, None]).all(axis=1)  # a vertex sees its own faces edge-on
+    vertex, place, leaf, corner = vertex[other], place[other], leaf[other], corner[other]
+    up = normals[vertex]
+    r = PIECES[tree.piece[leaf]] @ (points[corner] - points[own[vertex], None])
+    crosses, length = np.cross(r, np.roll(r, -1, axis=1)), lambda x: np.sqrt((x * x).sum(-1) + np.float32(1e-20))
+    sine, cosine = length(crosses), (r * np.roll(r, -1, axis=1)).sum(-1)
+    f = ((np.arctan2(sine, cosine) / (2 * np.float32(math.pi) * sine))[..., None] * crosses).sum(1)
+    face = np.cross(r[:, 1] - r[:, 0], r[:, 2] - r[:, 0])
+    away = (face * r[:, 0]).sum(-1) / length(face)
+    towards = away / np.sqrt(away * away + TOUCHING * TOUCHING)
+    above = np.maximum((f * up).sum(-1) / length(f) * towards, 0) * towards
+    q = np.minimum(4 * weight[vertex, place], 1) * np.minimum(weighty[vertex, place] * (1 / CLOSE) - 1, 1)
+    found = np.zeros((len(own), 3), np.float32)
+    np.add.at(found, vertex, ((q * above)[:, None] * f).astype(np.float32))
+    return found
 
 
 def corner_table(faces: np.ndarray, n_vertices: int) -> np.ndarray:
@@ -603,7 +659,7 @@ def vertex_axes(normals: np.ndarray, u: Any, weight: np.ndarray, corner: np.ndar
 
     tangent = tangential(np.stack([(weight * a).sum(-1) for a in u], axis=-1))
     length = np.sqrt((tangent * tangent).sum(-1) + np.float32(1e-20))
-    missing = np.maximum(np.float32(0.1) * weight.sum(-1) - length, 0)
+    missing = np.maximum(np.float32(0.1) * weight.sum(-1) + np.float32(1e-6) - length, 0)
     other = unit_vectors(tangential(corner))
     # turned by 0.3 about the normal: often the corner is just opposite to the tangent, and their sum could vanish
     other = np.float32(math.cos(0.3)) * other + np.float32(math.sin(0.3)) * np.cross(normals, other)
@@ -625,10 +681,11 @@ def encode(
     points: np.ndarray,
     normals: np.ndarray,
     near: np.ndarray,
+    covered_by: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pooled features, frames, and how much stands above the tangent plane, of vertices.
 
-    `surfels` (v, n, 20), `weight` (v, n), `points` and `normals` (v, 3), `near` (v, 8, 6).
+    `surfels` (v, n, 20), `weight` (v, n), `points`, `normals` and `covered_by` (v, 3), `near` (v, 8, 6).
     """
     record = np.moveaxis(surfels, -1, 0)  # (20, v, n)
     own = normals.T[:, :, None]
@@ -648,7 +705,8 @@ def encode(
     corner = np.moveaxis(near, -1, 0)
     length = np.sqrt(dot(corner, corner) + np.float32(1e-12))
     v = corner[:3] / length
-    frames = vertex_axes(normals, u, above + np.float32(1e-3) * counted, v[:, :, 0].T)
+    partly = counted * np.clip(height + reach, 0, 1)
+    frames = vertex_axes(normals, u, above + np.float32(1e-3) * partly, v[:, :, 0].T)
     axes = [[frames[:, i, j, None] for i in range(3)] for j in range(3)]
 
     x, y = dot(u, axes[0]), dot(u, axes[1])
@@ -658,7 +716,7 @@ def encode(
     features += [np.sqrt(np.maximum(angle, np.float32(1e-20))), flux, reach, size / (size + d)]
     features += [facing[2], facing[0], facing[1], root(d)]
     h = relu(dense(a, "surfel", np.stack(features, axis=-1)))
-    weights = np.stack([above, counted * np.clip(height + reach, 0, 1)], axis=1)
+    weights = np.stack([above, partly], axis=1)
     pooled = (weights @ h).reshape(len(points), -1)
 
     x, y, z = (dot(v, axis) for axis in axes)
@@ -667,9 +725,10 @@ def encode(
     features += [dot(corner[3:], v), relative, root(length)]
     g = relu(dense(a, "near", np.stack(features, axis=-1)))
     total = above.sum(-1)
-    extra = np.stack([total, above.max(-1), root(length.mean(-1))], axis=-1)
+    beside = (covered_by[:, :, None] * frames).sum(1)  # along the axes
+    extra = np.stack([total, above.max(-1), root(length.mean(-1)), *beside.T], axis=-1)
     z = np.concatenate([pooled, g.mean(1), g.max(1), extra], axis=-1)
-    return z, frames, total + np.maximum(dot(v, own) - np.float32(1e-6) / length, 0).mean(-1)
+    return z, frames, total + np.maximum(dot(v, own) - np.float32(1e-6) / length, 0).mean(-1) + beside[:, 2]
 
 
 def log_errors(a: dict[str, np.ndarray], name: str, x: np.ndarray) -> np.ndarray:
@@ -722,10 +781,11 @@ def surfel_net(
     most = model.config.get("known_bounces", 0)
     if bounces > most:
         raise ValueError(f"bounces={bounces}: model local knows {most or 'none'}")
-    points = normalised_positions(vertices, faces, surface_radius(vertices, faces))[0]
+    unit = surface_radius(vertices, faces) or bounding_box(vertices, faces)[1]
+    points = normalised_positions(vertices, faces, unit)[0]
     first = first_of_repeated(points, normals)
     faces = outward_faces(vertices, normals, first[faces])
-    area = face_areas(vertices, faces)
+    area = face_areas(vertices, faces) / unit**2
     tree = build_tree(points, faces, area, surface_axes(points, faces, area))
     records, corners = surfel_records(tree, points, faces), corner_table(faces, len(points))
     shape = bounces + 1, len(points), model.config["bands"] ** 2
@@ -735,8 +795,9 @@ def surfel_net(
         own = alone[start : start + TOGETHER]
         place, facing, seen_from = points[own], normals[own], corners[own]
         near = np.concatenate([points[seen_from] - place[:, None], normals[seen_from]], axis=-1)
-        table, weight = list_surfels(tree, records, place, facing)
-        found = encode(model.arrays, records[table], weight, place, facing, near)
+        lists = list_surfels(tree, records, place, facing)
+        beside = cover(tree, faces, points, own, facing, lists)
+        found = encode(model.arrays, records[lists[0]], lists[1], place, facing, near, beside)
         coefficients[:, own], errors[:, own] = decode(model, *found, facing, bounces)
     return coefficients[:, first], errors[:, first]
 

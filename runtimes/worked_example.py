@@ -103,7 +103,7 @@ def edges() -> Rows:
 def _surfels() -> tuple[np.ndarray, gash.Tree, np.ndarray]:
     """Axes, tree and records."""
     units, faces = _units()[1], gash.outward_faces(VERTICES, NORMALS, FACES)
-    area = gash.face_areas(VERTICES, faces)
+    area = gash.face_areas(units, faces)
     axes = gash.surface_axes(units, faces, area)
     tree = gash.build_tree(units, faces, area, axes)
     return axes, tree, gash.surfel_records(tree, units, faces)
@@ -112,16 +112,18 @@ def _surfels() -> tuple[np.ndarray, gash.Tree, np.ndarray]:
 def _read() -> tuple[np.ndarray, ...]:
     """What `local` reads of the vertex, as `gash.encode` takes it; and the rows of its list."""
     (_, tree, records), units, one = _surfels(), _units()[1], slice(VERTEX, VERTEX + 1)
-    table, weight = gash.list_surfels(tree, records, units[one], NORMALS[one])
-    corners = gash.corner_table(gash.outward_faces(VERTICES, NORMALS, FACES), 4)[VERTEX]
+    lists = gash.list_surfels(tree, records, units[one], NORMALS[one])
+    faces = gash.outward_faces(VERTICES, NORMALS, FACES)
+    beside = gash.cover(tree, faces, units, np.array([VERTEX]), NORMALS[one], lists)
+    corners, (table, weight, _) = gash.corner_table(faces, 4)[VERTEX], lists
     near = np.concatenate([units[corners] - units[VERTEX], NORMALS[corners]], axis=1)
-    return records[table], weight, units[one], NORMALS[one], near[None], table
+    return records[table], weight, units[one], NORMALS[one], near[None], beside, table
 
 
 def surfels() -> Rows:
     """Tree, records and the list of the vertex."""
     axes, tree, records = _surfels()
-    _, weight, *_, table = _read()
+    _, weight, *_, beside, table = _read()
     rows: Rows = [[f"axis {i}", _numbers(axes[:, i])] for i in range(3)]
     rows += [["level sizes", _numbers(tree.level_sizes)], ["first child of row 0", _numbers(tree.first_child[0])]]
     leaf = sum(tree.level_sizes[:-1])
@@ -130,7 +132,7 @@ def surfels() -> Rows:
     rows += [["record of row 0", _numbers(records[0])], [f"record of row {leaf}", _numbers(records[leaf])]]
     rows += [["length of the list", _numbers(table.shape[1])], ["its rows", _numbers(table)]]
     near = gash.corner_table(gash.outward_faces(VERTICES, NORMALS, FACES), 4)[VERTEX]
-    return [*rows, ["their weights", _numbers(weight)], ["near corners", _numbers(near)]]
+    return [*rows, ["their weights", _numbers(weight)], ["near corners", _numbers(near)], ["cover", _numbers(beside)]]
 
 
 def layers() -> Rows:
@@ -173,7 +175,7 @@ def models(shapes: dict[str, dict[str, tuple[int, ...]]]) -> Rows:
 
 def _local(model: gash.Model) -> Rows:
     """What else `local` says, and on the way to it."""
-    z, frames, seen = gash.encode(model.arrays, *_read()[:5])
+    z, frames, seen = gash.encode(model.arrays, *_read()[:6])
     terms, errors = gash.surfel_net(model, VERTICES, NORMALS, FACES, bounces=1)
     by_band = np.arange(4) ** 2  # of the coefficients of a band the first: all have one error
     rows: Rows = [["`local`, t", _numbers(frames[0, :, 0])], ["`local`, z", _numbers(z)]]

@@ -40,7 +40,7 @@ def test_shapes_and_types(bumpy: Mesh) -> None:
     assert sum(len(part["normal"]) for part in graph.parts) == 300
     for part, width in zip(graph.parts, WIDTHS, strict=True):
         n = len(part["normal"])
-        expected = {"position": (n, 3), "normal": (n, 3), "near": (n, NEAR * 6)}
+        expected = {"position": (n, 3), "normal": (n, 3), "near": (n, NEAR * 6), "cover": (n, 3)}
         assert {name: a.shape for name, a in part.items()} == {**expected, "table": (n, width), "weight": (n, width)}
         assert {name: a.shape for name, a in with_surfels(part, graph.records).items()} == {
             **expected,

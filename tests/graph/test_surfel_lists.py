@@ -5,7 +5,7 @@ import pytest
 
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph import surfel_lists
-from gash_jax.graph.surfel_lists import WIDTHS, SurfelList, list_surfels
+from gash_jax.graph.surfel_lists import WIDTHS, SurfelList, call_size, list_surfels
 from gash_jax.graph.surfels import FAN, surfel_records
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
@@ -27,7 +27,7 @@ def test_one_surfel_by_hand() -> None:
     )
     records = np.zeros((2 + FAN, 20), np.float32)
     records[0], records[1] = record, record * 0.5  # one child: half as far, half as large, so as important
-    lists = list_surfels(tree, records, positions, np.stack([up, flat, -up]).astype(np.float32))
+    lists = list_surfels(tree, records, positions, np.stack([up, flat, -up]).astype(np.float32), moves=True)[0]
     (part,) = [part for part in lists if len(part.vertices)]
     table, weight = part.table[np.argsort(part.vertices)], part.weight[np.argsort(part.vertices)]
     np.testing.assert_array_equal(table[0, :3], [0, 1, 1 + FAN])
@@ -75,11 +75,15 @@ def test_chunks_and_workers_change_nothing(chunk: int, workers: int, monkeypatch
     _equal(bumpy_case().lists(), whole)
 
 
-def test_every_vertex_is_in_one_list_of_its_width_filled_with_the_empty_surfel() -> None:
+def test_every_vertex_is_in_one_list_of_its_width_filled_with_the_empty_surfel(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(surfel_lists, "CALL", 2048)
     case = bumpy_case()
     lists = case.lists()
     np.testing.assert_array_equal(np.sort(np.concatenate([part.vertices for part in lists])), np.arange(300))
-    empty, narrower = len(case.records) - 1, 0
+    widest = max(part.table.shape[1] for part in lists if len(part.vertices))
+    empty, narrower, left = len(case.records) - 1, 0, 0
     assert not case.records[empty].any()
     for width, (vertices, table, weight) in zip(WIDTHS, lists, strict=True):
         assert table.shape == weight.shape == (len(vertices), width)
@@ -87,12 +91,14 @@ def test_every_vertex_is_in_one_list_of_its_width_filled_with_the_empty_surfel()
         np.testing.assert_array_equal(table == empty, weight == 0)
         assert weight.min(initial=0) >= 0 and weight.max(initial=0) <= 1
         filled = np.count_nonzero(weight, axis=1)
-        # what is empty comes last, no surfel twice, and a narrower list would not do
+        # what is empty comes last, no surfel twice, and a narrower list would not do but for too few to make a call
         assert np.all(np.diff((table == empty).astype(int), axis=1) >= 0)
         assert all(len(np.unique(row[:count])) == count for row, count in zip(table, filled, strict=True))
-        assert np.all((filled > narrower) | (narrower == 0))
-        narrower = width
-    assert sum(len(part.vertices) > 0 for part in lists) > 1
+        assert np.count_nonzero(filled <= narrower) <= left
+        rest = len(vertices) % call_size(width)
+        assert rest == 0 or rest >= call_size(width) // 2 or width == widest
+        narrower, left = width, call_size(width) // 2 - 1
+    assert sum(len(part.vertices) > 0 for part in lists) > 2
 
 
 def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,14 +140,14 @@ def test_lists_do_not_change_when_the_mesh_is_moved() -> None:
         positions = (case.positions @ rotation.T + shift).astype(np.float32) * np.float32(7)
         records = surfel_records(case.plan.tree, positions, case.plan.faces)
         normals = (case.normals @ rotation.T).astype(np.float32)
-        found = list_surfels(case.plan.tree, records, positions, normals)
+        found = list_surfels(case.plan.tree, records, positions, normals, moves=True)[0]
         np.testing.assert_allclose(dense_weights(case, found), expected, atol=2e-3)
         # a tree of its own differs where leaves lie on a boundary of its curve
         moved = surfel_case(transform(bumpy_mesh(300), rotation, shift, 40.0))
         np.testing.assert_array_equal(moved.plan.tree.first_child, case.plan.tree.first_child)
         assert np.abs(dense_weights(moved, moved.lists()) - expected).sum() < 0.01 * expected.sum()
     # twice the size with the vertices where they were is another matter
-    other = list_surfels(case.plan.tree, case.records, 2 * case.positions, case.normals)
+    other = list_surfels(case.plan.tree, case.records, 2 * case.positions, case.normals, moves=True)[0]
     assert np.abs(dense_weights(case, other) - expected).max() > 0.5
 
 
@@ -156,6 +162,22 @@ def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
     sphere, bumpy = seen(surfel_case(icosphere(3))), seen(bumpy_case())
     assert 0 < np.median(sphere) < 0.7 * np.median(bumpy)
     assert bumpy.max() < 1 + 1e-5
+
+
+def test_what_is_wholly_below_the_horizon_is_left_out_of_a_mesh_that_does_not_move() -> None:
+    case = bumpy_case()
+    whole, seen = (dense_weights(case, case.lists(moves=moves)) for moves in (True, False))
+    vertex, node = np.nonzero(whole)
+    record, normal = case.records[node].astype(np.float64), case.normals[vertex].astype(np.float64)
+    height = np.einsum("pi,pi->p", record[:, :3] - case.positions[vertex], normal)
+    xx, yy, zz, xy, xz, yz = record[:, 14:].T
+    spread = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
+    reach = np.sqrt(np.maximum(np.einsum("pi,pij,pj->p", normal, spread, normal), 0))
+    kept = seen[vertex, node] > 0
+    # what is left has its weight, and what is gone reaches no higher than the horizon
+    np.testing.assert_array_equal(seen[vertex, node][kept], whole[vertex, node][kept])
+    assert np.count_nonzero(seen) == np.count_nonzero(kept) and 0.2 < np.mean(kept) < 0.8
+    assert np.all((height + reach)[~kept] < 1e-6) and np.all((height + 1.001 * reach)[kept] > -1e-6)
 
 
 def test_nothing_to_see_and_nobody_to_see_it() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gash_jax.graph.surfel_lists import NEGLIGIBLE, OPENING
+from gash_jax.graph.surfel_walk import NEGLIGIBLE, OPENING
 from tests.helpers.surfel_cases import SurfelCase, bumpy_case, dense_weights, walked_list
 
 LARGE = 0.1

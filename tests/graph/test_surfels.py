@@ -10,11 +10,9 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, face_areas, transform, vector_areas
 from gash_jax.graph import surfels
 from gash_jax.graph.surfel_graph import normalised
+from gash_jax.graph.surfel_pieces import PIECE_COUNT, PIECE_START, PIECES
 from gash_jax.graph.surfels import (
     FAN,
-    MOST_PARTS,
-    PIECE_START,
-    PIECES,
     TOP,
     SurfelTree,
     build_tree,
@@ -69,21 +67,6 @@ def test_a_right_triangle_by_hand() -> None:
     xx, yy, xy = 4 / 18, 9 / 18, -6 / 36
     expected = [5 / 3, 2, 5, 0, 0, 3, 3, np.sqrt(xx + yy), 0, 0, xx * yy - xy * xy, 0, 0, 0, xx, yy, 0, xy, 0, 0]
     np.testing.assert_allclose(record, expected, atol=1e-6)
-
-
-def test_pieces_of_a_face_are_equal_and_fill_it() -> None:
-    corners = np.array([[0, 0, 0], [3, 0, 1], [1, 2, -1]], np.float64)
-    whole = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    mean_square = (corners.T @ corners + 9 * np.outer(corners.mean(0), corners.mean(0))) / 12
-    assert len(PIECES) == PIECE_START[-1] + MOST_PARTS**2
-    for k, start in enumerate(PIECE_START, 1):
-        parts = PIECES[start : start + k * k] @ corners
-        vectors = np.cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0])
-        np.testing.assert_allclose(vectors, np.broadcast_to(whole / k**2, vectors.shape), atol=1e-5)
-        # the second moments are those of the face only if the parts neither overlap nor leave gaps
-        middles = parts.mean(1)
-        squares = (np.einsum("mvi,mvj->ij", parts, parts) + 9 * middles.T @ middles) / 12
-        np.testing.assert_allclose(squares / k**2, mean_square, atol=1e-5)
 
 
 def test_the_top_level_has_the_area_of_the_mesh() -> None:
@@ -156,11 +139,11 @@ def test_every_leaf_is_once_in_the_tree(count: int) -> None:
     real = tree.face >= 0
     pairs = np.unique(np.stack([tree.face, tree.piece])[:, real], axis=1)
     assert pairs.shape[1] == real.sum()
-    # all parts of one cut, and that of every face
-    k = np.searchsorted(PIECE_START, pairs[1], side="right")
+    # all parts of one way of cutting, and that of every face
+    way = np.searchsorted(PIECE_START, pairs[1], side="right") - 1
     for face in range(len(mesh.faces)):
-        cut = k[pairs[0] == face]
-        assert len(cut) == cut[0] ** 2 and np.all(cut == cut[0])
+        cut = way[pairs[0] == face]
+        assert len(cut) == PIECE_COUNT[cut[0]] and np.all(cut == cut[0])
 
 
 def test_jax_gives_the_same_records() -> None:

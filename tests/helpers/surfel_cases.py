@@ -1,4 +1,4 @@
-"""A mesh with its surfels, and what a vertex of it should be shown by the definition of `surfel_lists`, in float64."""
+"""A mesh with its surfels, and what a vertex of it should be shown by the definition of `surfel_walk`, in float64."""
 
 from functools import cache
 from typing import NamedTuple
@@ -7,7 +7,8 @@ import numpy as np
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
-from gash_jax.graph.surfel_lists import NEGLIGIBLE, OPENING, SurfelList, list_surfels
+from gash_jax.graph.surfel_lists import SurfelList, list_surfels
+from gash_jax.graph.surfel_walk import NEGLIGIBLE, OPENING
 from gash_jax.graph.surfels import FAN
 from tests.helpers.bumpy import bumpy_mesh
 
@@ -20,9 +21,12 @@ class SurfelCase(NamedTuple):
     positions: np.ndarray
     normals: np.ndarray
 
-    def lists(self, positions: np.ndarray | None = None, normals: np.ndarray | None = None) -> tuple[SurfelList, ...]:
+    def lists(
+        self, positions: np.ndarray | None = None, normals: np.ndarray | None = None, moves: bool = True
+    ) -> tuple[SurfelList, ...]:
+        """With what is below the horizon, unless the mesh does not move."""
         own = (self.positions, self.normals) if positions is None or normals is None else (positions, normals)
-        return list_surfels(self.plan.tree, self.records, *own)
+        return list_surfels(self.plan.tree, self.records, *own, moves)[0]
 
     def parents(self) -> np.ndarray:
         first = self.plan.tree.first_child

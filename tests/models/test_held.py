@@ -31,7 +31,8 @@ def model() -> Model:
 
 def test_the_first_pose_gets_what_the_model_predicts(model: Model) -> None:
     held = HeldMesh(model, SMOOTH)
-    np.testing.assert_array_equal(held.first.coefficients, model.predict(SMOOTH).coefficients)
+    # the lists of a mesh that is held hold more, of which nothing counts yet
+    np.testing.assert_allclose(held.first.coefficients, model.predict(SMOOTH).coefficients, atol=1e-6)
     assert set(held.first.seconds) == {"graph", "network"}
     np.testing.assert_allclose(held.predict(SMOOTH.vertices).coefficients, held.first.coefficients, atol=1e-4)
 

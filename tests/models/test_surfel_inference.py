@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.graph import surfel_lists
 from gash_jax.graph.surfel_graph import SurfelGraph
 from gash_jax.graph.surfel_lists import WIDTHS
 from gash_jax.models import surfel_inference as inference
@@ -56,12 +57,12 @@ def _whole(bands: int = 3, bounces: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("workers", [1, 3, None])
-@pytest.mark.parametrize(("pairs", "vertices"), [(inference.PAIRS, inference.VERTICES), (3072, 64)])
+@pytest.mark.parametrize(("pairs", "vertices"), [(surfel_lists.CALL, inference.VERTICES), (3072, 64)])
 def test_calls_predict_as_the_whole_does(
     workers: int | None, pairs: int, vertices: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One call or many, each of few vertices."""
-    monkeypatch.setattr(inference, "PAIRS", pairs)
+    monkeypatch.setattr(surfel_lists, "CALL", pairs)
     monkeypatch.setattr(inference, "VERTICES", vertices)
     coefficients, error = predict_surfels(MODULE, _params(), _graph(), workers)
     np.testing.assert_allclose(coefficients, _whole()[:, :9], atol=1e-5)
@@ -75,15 +76,15 @@ def test_calls_predict_as_the_whole_does(
 
 def test_the_size_of_calls_by_hand() -> None:
     """Multiples of 8 that keep to 16384 pairs: 16384 / 80 = 204.8."""
-    assert [inference._call_size(width) for width in (24, 48, 80, 128, 256)] == [680, 336, 200, 128, 64]
-    assert all(0 < inference._call_size(width) * width <= inference.PAIRS for width in WIDTHS)
+    assert [surfel_lists.call_size(width) for width in (24, 48, 80, 128, 256)] == [680, 336, 200, 128, 64]
+    assert all(0 < surfel_lists.call_size(width) * width <= surfel_lists.CALL for width in WIDTHS)
 
 
 def test_as_a_jax_function_it_predicts_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, plain = _graph(), _whole()
     # whole parts at once, and a few vertices at a time
-    for pairs in (inference.PAIRS, 3072):
-        monkeypatch.setattr(inference, "PAIRS", pairs)
+    for pairs in (surfel_lists.CALL, 3072):
+        monkeypatch.setattr(surfel_lists, "CALL", pairs)
         found, error = jax.jit(lambda params, graph: apply_surfels(MODULE, params, graph))(_params(), graph)
         np.testing.assert_allclose(found, plain[:, :9], atol=1e-5)
         np.testing.assert_allclose(error, by_band(jnp.asarray(plain[:, 9:]), 3), atol=1e-5)

@@ -45,11 +45,13 @@ def _names(batch: Batch, shard: int = 0) -> list[tuple[int, int]]:
 
 
 def _seen(example: Example, index: int) -> dict[str, np.ndarray]:
-    """What the network reads of a vertex of a shape."""
+    """What the network reads of a vertex of a shape, its list in the narrowest width that holds it."""
     slot = int(example.graph.slot[index])
     for part in example.graph.parts:
         if slot < len(part["normal"]):
-            return {name: array[slot] for name, array in with_surfels(part, example.graph.records).items()}
+            own = {name: array[slot] for name, array in with_surfels(part, example.graph.records).items()}
+            width = WIDTHS[np.searchsorted(WIDTHS, np.count_nonzero(own["weight"]))]
+            return own | {name: own[name][:width] for name in ("weight", "surfel")}
         slot -= len(part["normal"])
     raise AssertionError(index)
 
@@ -147,7 +149,7 @@ def test_the_weighted_loss_of_a_batch_is_that_of_the_corpus() -> None:
     """Long lists are drawn more rarely and count so much more: unbiased where no rounding is left."""
     drawn = [16 * (len(WIDTHS) - i) for i in range(len(WIDTHS))]
     numbers = [4 * count * max(width, WIDE) // WIDE for count, width in zip(drawn, WIDTHS, strict=True)]
-    values = [1.0, 2, 4, 8, 16, 32][: len(WIDTHS)]
+    values = [2.0**i for i in range(len(WIDTHS))]
     batch = _pool_of(numbers, values).draw(sum(drawn), 0, 0)
     held = [int(np.sum(batch.coefficients[0][:, 0] == value)) for value in values]
     assert held == drawn and held[-1] / numbers[-1] == WIDE / WIDTHS[-1] / 4

@@ -29,7 +29,8 @@ def _part(surfels: np.ndarray, corner: Any = (1.0, 0, 0), weight: np.ndarray | N
     up = np.tile(np.array([0, 0, 1], np.float32), (count, 1))
     near = np.tile(np.array([*corner, 0, 0, 1], np.float32), (count, 8))
     share = np.ones(surfels.shape[:2], np.float32) if weight is None else weight
-    return {"position": np.zeros_like(up), "normal": up, "near": near, "surfel": surfels, "weight": share}
+    part = {"position": np.zeros_like(up), "normal": up, "near": near, "cover": np.zeros_like(up)}
+    return part | {"surfel": surfels, "weight": share}
 
 
 def test_pairs_by_hand() -> None:
@@ -48,6 +49,7 @@ def test_pairs_by_hand() -> None:
     np.testing.assert_allclose(np.asarray(seen.features[9])[0, :2], [-1, 0], atol=1e-5)
     np.testing.assert_allclose(seen.frames[0, :, 2], [0, 0, 1], atol=1e-7)
     np.testing.assert_allclose([seen.rise[0], seen.edge[0]], [0, 1], atol=1e-6)
+    np.testing.assert_array_equal(np.stack(seen.cover), 0)
 
 
 def test_weights_of_pairs_are_the_formula_in_float64() -> None:
@@ -128,7 +130,8 @@ def test_in_the_middle_of_an_even_bowl_rounding_does_not_turn_the_frame(monkeypa
 def test_frames_turn_with_what_is_seen_even_in_a_bowl() -> None:
     part, rotation = _bowls(4, 1e-3), random_rotation(3).astype(np.float32)
     turned = {name: array.copy() for name, array in part.items()}
-    for name in ("position", "normal"):
+    part["cover"] = np.array([0.1, 0.2, 0.3], np.float32) * np.arange(4, dtype=np.float32)[:, None]
+    for name in ("position", "normal", "cover"):
         turned[name] = part[name] @ rotation.T
     turned["near"] = (part["near"].reshape(4, 8, 2, 3) @ rotation.T).reshape(4, 48)
     surfels = part["surfel"].copy()
@@ -139,7 +142,7 @@ def test_frames_turn_with_what_is_seen_even_in_a_bowl() -> None:
         surfels[..., start : start + 6] = matrix[..., (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
     one, two = look(part), look({**turned, "surfel": surfels})
     np.testing.assert_allclose(two.frames, rotation @ np.asarray(one.frames), atol=1e-4)
-    for a, b in zip([*one.features, *one.near], [*two.features, *two.near], strict=True):
+    for a, b in zip([*one.features, *one.near, *one.cover], [*two.features, *two.near, *two.cover], strict=True):
         np.testing.assert_allclose(a, b, atol=1e-3)
 
 

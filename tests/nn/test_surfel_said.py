@@ -7,7 +7,7 @@ import pytest
 
 from gash_jax.algebra.closed_forms import unshadowed_transfer
 from gash_jax.geometry.mesh import Mesh, subdivide_midpoint, transform
-from gash_jax.graph.surfel_graph import surfel_graph
+from gash_jax.graph.surfel_graph import normalised, plan_surfels, planned_graph
 from gash_jax.nn.surfel_net import Said, SurfelNet, by_band, fall_back, split_said
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import random_rotation
@@ -43,7 +43,9 @@ def _halved(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 @pytest.mark.parametrize("mesh", [icosphere(2), _box()], ids=["sphere", "box"])
 def test_on_a_convex_body_any_weights_give_the_closed_form_and_expect_no_error(mesh: Mesh) -> None:
-    parts = filled_parts(surfel_graph(mesh))
+    positions, center, unit = normalised(mesh)
+    plan, records = plan_surfels(mesh, positions, moves=True)
+    parts = filled_parts(planned_graph(plan, records, positions, mesh.normals, center, unit))
     # it does look at surfels, and none stands above a tangent plane
     assert sum(np.count_nonzero(part["weight"]) for part in parts) > 100
     out = surfel_apply(6, 2)(surfel_variables(), parts)

@@ -9,6 +9,7 @@ import pytest
 
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph import surfel_lists
+from gash_jax.graph.surfel_cover import surfel_cover
 from gash_jax.graph.surfel_graph import normalised, plan_surfels
 from gash_jax.models.families import model_config
 from gash_jax.models.model import load_model, save_model
@@ -70,13 +71,14 @@ def test_more_than_it_knows_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mesh", SPLIT.values(), ids=SPLIT)
-def test_surfels_are_those_of_the_package(mesh: Mesh) -> None:
+def test_surfels_are_those_of_the_package(mesh: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surfel_lists, "CALL", 2048)
     positions = normalised(mesh)[0]
     plan, records = plan_surfels(mesh, positions)
     first = gash_numpy.first_of_repeated(positions, mesh.normals)
     np.testing.assert_array_equal(first, plan.first)
     faces = gash_numpy.outward_faces(mesh.vertices, mesh.normals, first[mesh.faces])
-    area = gash_numpy.face_areas(mesh.vertices, faces)
+    area = gash_numpy.face_areas(mesh.vertices, faces) / gash_numpy.surface_radius(mesh.vertices, mesh.faces) ** 2
     axes = gash_numpy.surface_axes(positions, faces, area)
     tree = gash_numpy.build_tree(positions, faces, area, axes)
     np.testing.assert_array_equal(faces, plan.faces)
@@ -86,17 +88,30 @@ def test_surfels_are_those_of_the_package(mesh: Mesh) -> None:
     np.testing.assert_array_equal(gash_numpy.corner_table(faces, len(positions)), plan.corners)
     filled = [part for part in plan.lists if len(part.vertices)]
     assert len(filled) > 2
+    covers = surfel_cover(plan.close, plan.tree, plan.faces, positions, mesh.normals)
     for vertices, *theirs in filled:
         mine = gash_numpy.list_surfels(tree, records, positions[vertices], mesh.normals[vertices])
         assert mine[0].shape[1] <= theirs[0].shape[1]
-        _assert_same_lists(mine, theirs)
+        seen_from = list(zip(positions[vertices], mesh.normals[vertices], strict=True))
+        _assert_same_lists(mine[:2], theirs, seen_from, records)
+        beside = gash_numpy.cover(tree, faces, positions, vertices, mesh.normals[vertices], mine)
+        np.testing.assert_allclose(beside, covers[vertices], rtol=1e-4, atol=1e-6)
+    assert covers.any()
 
 
-def _assert_same_lists(mine: Any, theirs: Any) -> None:
-    """The same surfels with the same weights, in any order."""
-    for rows in zip(*mine, *theirs, strict=True):
+def _assert_same_lists(mine: Any, theirs: Any, seen_from: list[tuple[np.ndarray, np.ndarray]], records: Any) -> None:
+    """The same surfels with the same weights, in any order; `seen_from`: position and normal of each vertex.
+
+    Whether what just touches the horizon is in a list is up to rounding, as it counts nothing.
+    """
+    for *rows, (place, normal) in zip(*mine, *theirs, seen_from, strict=True):
         a, b = (dict(zip(table[weight > 0], weight[weight > 0], strict=True)) for table, weight in (rows[:2], rows[2:]))
-        assert a == b
+        assert all(a[node] == b[node] for node in a.keys() & b.keys())
+        for node in a.keys() ^ b.keys():
+            record = records[node].astype(np.float64)
+            xx, yy, zz, xy, xz, yz = record[14:]
+            spread = normal @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ normal
+            assert abs((record[:3] - place) @ normal + np.sqrt(max(spread, 0))) < 1e-5
 
 
 def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +124,8 @@ def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.Mon
     tree: Any = plan.tree
     mine = gash_numpy.list_surfels(tree, records, positions[vertices], mesh.normals[vertices])
     assert mine[0].shape[1] == 48 and (mine[1] > 0).all(axis=1).mean() > 0.5
-    _assert_same_lists(mine, theirs)
+    seen_from = list(zip(positions[vertices], mesh.normals[vertices], strict=True))
+    _assert_same_lists(mine[:2], theirs, seen_from, records)
 
 
 def test_the_bound_goes_into_the_transfer_file(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from gash_jax.shapes.parametric import flat_domain
 from gash_jax.shapes.primitives import icosphere
 from gash_jax.shapes.procedural import (
     ALL_KINDS,
+    DRAWN,
     ENCLOSED,
     RECIPES,
     SHAPE_KINDS,
@@ -75,7 +76,7 @@ def test_they_are_dark_where_the_others_are_not() -> None:
 
 def test_rounds_of_all_kinds() -> None:
     count = len(ALL_KINDS)
-    assert ALL_KINDS == (*SHAPE_KINDS, *ENCLOSED) and count == 24
+    assert ALL_KINDS == (*SHAPE_KINDS, *ENCLOSED, *DRAWN) and count == 27
     kinds = [shape_kind(5, index, "all") for index in range(2 * count)]
     assert sorted(kinds[:count]) == sorted(kinds[count:]) == sorted(ALL_KINDS) and kinds[:count] != kinds[count:]
     index = kinds.index("skull")

@@ -5,6 +5,7 @@ Vertices whose lists have the same width w (`surfel_lists`) make one part of the
     position, normal (n, 3)
     near    (n, NEAR * 6)  offset and normal of up to NEAR corners of the vertex's own faces, repeated in turn where
             there are fewer
+    cover   (n, 3)         how much the faces right beside the vertex cover (`surfel_cover`)
     table   (n, w)         rows of the records of `surfels`
     weight  (n, w)         how much each counts, 0 where the list has ended
 
@@ -31,6 +32,7 @@ from gash_jax.geometry.mesh import Mesh, MeshError
 from gash_jax.geometry.normalised import NormalisedMesh
 from gash_jax.geometry.topology import first_of_duplicates
 from gash_jax.graph.repeated_vertices import first_of_repeated
+from gash_jax.graph.surfel_cover import ClosePairs, surfel_cover, without_own
 from gash_jax.graph.surfel_lists import SurfelList, list_surfels
 from gash_jax.graph.surfels import SurfelTree, build_tree, surface_axes, surfel_records
 
@@ -63,6 +65,7 @@ class SurfelPlan(NamedTuple):
     tree: SurfelTree
     corners: Int[np.ndarray, "v m"]
     lists: tuple[SurfelList, ...]
+    close: ClosePairs
 
 
 def outward_faces(
@@ -94,24 +97,33 @@ def corner_table(faces: Int[np.ndarray, "f 3"], n_vertices: int, count: int = NE
 def normalised(mesh: Mesh | NormalisedMesh) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "3"], float]:
     """Positions about the box centre in units of the surface's radius, centre, unit; loose vertices within the box."""
     shape = NormalisedMesh.of(mesh)
-    unit = shape.radius or shape.half_diagonal
+    unit = _unit(shape)
     return shape.positions(unit).astype(np.float32), shape.center, unit
 
 
+def _unit(shape: NormalisedMesh) -> float:
+    return shape.radius or shape.half_diagonal
+
+
 def plan_surfels(
-    mesh: Mesh | NormalisedMesh, positions: Float[np.ndarray, "v 3"]
+    mesh: Mesh | NormalisedMesh, positions: Float[np.ndarray, "v 3"], moves: bool = False
 ) -> tuple[SurfelPlan, Float[np.ndarray, "s d"]]:
-    """The plan of a mesh, and the records of its surfels at these positions."""
+    """The plan of a mesh, and the records of its surfels at these positions (those of `normalised`).
+
+    If the mesh `moves`, lists hold what may yet rise above the horizon, too.
+    """
     shape = NormalisedMesh.of(mesh)
     normals = shape.mesh.normals
     first = first_of_repeated(positions, normals)
     faces, area = outward_faces(shape, first)
+    area = area / _unit(shape) ** 2
     tree = build_tree(positions, faces, area, surface_axes(positions, faces, area))
     records = surfel_records(tree, positions, faces)
     own = np.flatnonzero(first == np.arange(len(first))).astype(np.int32)
-    found = list_surfels(tree, records, positions[own], normals[own])
+    found, close = list_surfels(tree, records, positions[own], normals[own], moves)
     lists = tuple(part._replace(vertices=own[part.vertices]) for part in found)
-    return SurfelPlan(faces, first, tree, corner_table(faces, len(positions)), lists), records
+    close = without_own(close, own, tree, faces)
+    return SurfelPlan(faces, first, tree, corner_table(faces, len(positions)), lists, close), records
 
 
 def part_arrays(
@@ -122,6 +134,7 @@ def part_arrays(
 ) -> tuple[Part, ...]:
     """The parts of the graph (module docstring); NumPy, or with `xp` = jax.numpy under jit."""
     both = xp.concatenate([positions, normals], axis=1)
+    cover = surfel_cover(plan.close, plan.tree, plan.faces, positions, normals, xp)
     parts = []
     for vertices, table, weight in plan.lists:
         own = xp.take(both, vertices, axis=0)
@@ -130,6 +143,7 @@ def part_arrays(
         origin = xp.concatenate([place, xp.zeros_like(facing)], axis=1)[:, None]
         near = xp.take(both, plan.corners[vertices], axis=0) - origin
         part = {"position": place, "normal": facing, "near": near.reshape(len(vertices), 6 * NEAR)}
+        part["cover"] = xp.take(cover, vertices, axis=0)
         parts.append(part | {"table": xp.asarray(table), "weight": xp.asarray(weight)})
     return tuple(parts)
 

@@ -2,9 +2,9 @@
 
 A *surfel* stands for a piece of surface by its moments (after Bunnell 2005, who used disks): centroid, area vector,
 area, and the covariance of its points, which says how flat, how long and which way round it is. Leaves are the mesh's
-faces, large ones cut into k² equal parts; they are sorted along a space-filling curve in the surface's own axes, and
-every FAN neighbours on the curve make a parent, up to at most TOP of them. Which leaf lies where is topology; moments
-are functions of the vertices' positions alone, so that a mesh that deforms keeps its tree (`surfel_records`).
+faces, large and long ones cut (`surfel_pieces`); they are sorted along a space-filling curve in the surface's own
+axes, and every FAN neighbours on the curve make a parent, up to at most TOP of them. Which leaf lies where is topology;
+moments are functions of the vertices' positions alone, so that a mesh that deforms keeps its tree (`surfel_records`).
 
 A record is 20 numbers: centroid (3), area vector (3, the mean normal times the area), area, size (the root of the
 covariance's trace), covariance adjugate and covariance (6 each, in the order xx, yy, zz, xy, xz, yz). The projected
@@ -18,11 +18,10 @@ import numpy as np
 from jaxtyping import Float, Int, UInt
 
 from gash_jax.geometry.normalised import SHORT, long_product
+from gash_jax.graph.surfel_pieces import PIECES, cut_faces
 
 FAN = 4
 TOP = 64
-# leaves to aim at where the mesh has fewer faces, and the most parts along an edge
-LEAVES, MOST_PARTS = 8192, 8
 # bits of the curve's code that come before the octant of the normal: two sides of a thin plate part early
 SURFACE_BITS = 9
 CURVE_BITS = 30
@@ -42,20 +41,6 @@ class SurfelTree(NamedTuple):
     piece: Int[np.ndarray, "l"]
     first_child: Int[np.ndarray, "s"]
     level_sizes: tuple[int, ...]
-
-
-def _parts(k: int) -> Float[np.ndarray, "m 3 3"]:
-    """Barycentric corners of the k² equal parts of a triangle."""
-    point = lambda i, j: (k - i - j, i, j)  # noqa: E731
-    upright = [[point(i, j), point(i + 1, j), point(i, j + 1)] for i in range(k) for j in range(k - i)]
-    turned = [
-        [point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)] for i in range(k) for j in range(k - i) if i + j < k - 1
-    ]
-    return np.array(upright + turned, np.float32) / np.float32(k)
-
-
-PIECES = np.concatenate([_parts(k) for k in range(1, MOST_PARTS + 1)])
-PIECE_START = np.cumsum([0, *(k * k for k in range(1, MOST_PARTS))])
 
 
 def _spread(x: UInt[np.ndarray, "n"]) -> UInt[np.ndarray, "n"]:
@@ -151,11 +136,7 @@ def build_tree(
     axes: Float[np.ndarray, "3 3"],
 ) -> SurfelTree:
     """Cut, sort and group the faces. Positions are centred and in units of the surface's radius."""
-    parts = np.ceil(np.sqrt(LEAVES * (area / max(area.sum(), np.finfo(float).tiny)))).astype(int)
-    parts = np.clip(parts, 1, MOST_PARTS)
-    face = np.repeat(np.arange(len(faces), dtype=np.int32), parts**2)
-    first = np.cumsum(parts**2) - parts**2
-    piece = (np.arange(len(face)) - np.repeat(first - PIECE_START[parts - 1], parts**2)).astype(np.int32)
+    face, piece = cut_faces(positions, faces, area)
     middle, normal = _leaf_middles(positions, faces, face, piece)
     order = curve_order(middle, normal, axes, SURFACE_BITS)
     sizes = [max(len(order), 1)]

@@ -52,7 +52,7 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     check_deforms(model)
     mesh = as_mesh(mesh)
     positions, center, unit = normalised(mesh)
-    plan, _ = plan_surfels(mesh, positions)
+    plan, _ = plan_surfels(mesh, positions, moves=True)
     slot = vertex_slots(plan)
     middle, carried = jnp.asarray(center, jnp.float32)[None], carried_normals(mesh, plan.faces)
 

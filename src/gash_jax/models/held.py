@@ -45,7 +45,7 @@ class HeldMesh:
         started = time.perf_counter()
         self.model, self.mesh, shape = model, mesh, NormalisedMesh(mesh)
         positions, center, self.unit = normalised(shape)
-        self.plan, records = plan_surfels(shape, positions)
+        self.plan, records = plan_surfels(shape, positions, moves=True)
         graph = planned_graph(self.plan, records, positions, mesh.normals, center, self.unit)
         self.first = self._predicted(graph, mesh.normals, started)
 

@@ -18,10 +18,10 @@ from jaxtyping import Array, Float
 from gash_jax.algebra.sh import band_index
 from gash_jax.files.cores import available_cores
 from gash_jax.graph.surfel_graph import Part, SurfelGraph, with_surfels
-from gash_jax.graph.surfel_lists import WIDTHS
+from gash_jax.graph.surfel_lists import WIDTHS, call_size
 
-# pairs in a call of the first half, which stay in the cache together; vertices in one of the second half
-PAIRS, VERTICES = 16384, 1024
+# in a call of the second half
+VERTICES = 1024
 
 
 @partial(jax.jit, static_argnames="module")
@@ -34,11 +34,6 @@ def encode_part(module: nn.Module, params: Any, part: Part) -> tuple[Array, Arra
 def decode_found(module: nn.Module, params: Any, found: Any, normals: Array) -> Float[Array, "n m"]:
     """What the network says of some vertices, of lists of any width."""
     return module.apply({"params": params}, *found, normals, method="decode")  # type: ignore[return-value]
-
-
-def _call_size(width: int) -> int:
-    """Vertices in a call."""
-    return PAIRS // width // 8 * 8
 
 
 def _filled(arrays: Any, size: int) -> Any:
@@ -74,7 +69,7 @@ def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[A
 
     def encoded(part: Part) -> Any:
         count, width = part["weight"].shape
-        size = _call_size(width)
+        size = call_size(width)
         if count <= size:
             return encode(part)
         # a few vertices at a time, whose pairs stay in the cache
@@ -94,7 +89,7 @@ def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[A
 def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
     """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
     empty = [{name: array[:0] for name, array in part.items()} for part in graph.parts]
-    parts = [_filled(with_surfels(part, graph.records), _call_size(w)) for part, w in zip(empty, WIDTHS, strict=True)]
+    parts = [_filled(with_surfels(part, graph.records), call_size(w)) for part, w in zip(empty, WIDTHS, strict=True)]
     found = [encode_part(module, params, part) for part in parts][-1]
     normals = np.zeros((VERTICES, 3), np.float32)
     jax.block_until_ready(decode_found(module, params, _filled(jax.tree.map(np.asarray, found), VERTICES), normals))
@@ -129,9 +124,9 @@ def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | 
     """What the network says of all vertices of the parts in turn: calls of few sizes, spread over threads."""
     workers = workers or available_cores()
     calls = [
-        (part, start, _call_size(width))
+        (part, start, call_size(width))
         for part, width in zip(graph.parts, WIDTHS, strict=True)
-        for start in range(0, len(part["normal"]), _call_size(width))
+        for start in range(0, len(part["normal"]), call_size(width))
     ]
 
     def encode(given: tuple[Part, int, int]) -> tuple[np.ndarray, ...]:

@@ -24,6 +24,8 @@ from gash_jax.models.examples import Batch, Example
 SOFTENING = 0.03
 HIDDEN, REVERSED = 0.08, 0.04
 WIDE = 64
+# what of a part has as many columns as the lists are wide
+LISTS = ("table", "weight")
 # a batch can be spread over this many devices, or a divisor of it
 SHARES = 8
 
@@ -116,17 +118,33 @@ class PartPool:
 
 
 def _parts_of(example: Example, weight: float, start: int) -> list[_Pool]:
-    """The vertices of a shape by width, whose records start at that row of all; the last of several labels counts."""
+    """The vertices of a shape by width, whose records start at that row of all; the last of several labels counts.
+
+    A graph of few vertices has short lists in wide parts (`surfel_lists`): here they go where they fit.
+    """
     graph, labels = example.graph, label_columns(example)
     total = sum(len(part["normal"]) for part in graph.parts)
     own = np.zeros((total, labels.shape[1]), np.float32)
     own[graph.slot] = labels
-    pools, ends = [], np.cumsum([len(part["normal"]) for part in graph.parts])[:-1]
+    found: list[list[_Pool]] = [[] for _ in WIDTHS]
+    ends = np.cumsum([len(part["normal"]) for part in graph.parts])[:-1]
     for part, labelled in zip(graph.parts, np.split(own, ends), strict=True):
         mask = np.any(part["normal"] != 0, axis=1)
         shifted = {**part, "table": part["table"] + np.int32(start)}
-        pools.append(_Pool(shifted, labelled, mask, np.where(mask, np.float32(weight), np.float32(0))))
-    return pools
+        pool = _Pool(shifted, labelled, mask, np.where(mask, np.float32(weight), np.float32(0)))
+        bucket = np.searchsorted(WIDTHS, np.count_nonzero(part["weight"], axis=1))
+        for number in range(len(WIDTHS)):
+            found[number].append(_narrowed(pool.take(np.flatnonzero(bucket == number)), WIDTHS[number]))
+    return [_together(pools) for pools in found]
+
+
+def _narrowed(pool: _Pool, width: int) -> _Pool:
+    """Lists cut to this width: what is empty comes last. None are narrower, if there are any."""
+
+    def cut(array: np.ndarray) -> np.ndarray:
+        return array[:, :width] if len(array) else np.zeros((0, width), array.dtype)
+
+    return pool._replace(inputs={name: cut(a) if name in LISTS else a for name, a in pool.inputs.items()})
 
 
 def _together(pools: list[_Pool]) -> _Pool:

@@ -3,9 +3,10 @@
 Every vertex has a list of surfels of its own (`graph.surfel_lists`). Those v whose lists have one width n make a part
 (`graph.surfel_graph`), of which the network reads
 
-    position, normal (v, 3)    near (v, m * 6)    surfel (v, n, 20)    weight (v, n)
+    position, normal (v, 3)    near (v, m * 6)    cover (v, 3)    surfel (v, n, 20)    weight (v, n)
 
-where "near" are offset and normal of m corners of the vertex's own faces.
+where "near" are offset and normal of m corners of the vertex's own faces, and "cover" says exactly what the faces right
+beside it cover (`graph.surfel_cover`).
 
 *Pairs.* For every pair of a vertex with normal n and a surfel of area A at offset d u (u of unit length):
 
@@ -20,8 +21,8 @@ and g, the same for the near corners.
 clip(n . u + r, 0, 1) also counts surfels that only reach above the tangent plane:
 
     z    = [sum_j q w c h, sum_j q w clip(n . u + r, 0, 1) h, mean g, max g,
-            sum_j q w c, max_j q w c, (mean edge length)^1/4]
-    s    = sum_j q w c + mean over corners of max(n . u, 0)      how much stands above the tangent plane
+            sum_j q w c, max_j q w c, (mean edge length)^1/4, cover in the frame]
+    s    = sum_j q w c + mean over corners of max(n . u, 0) + n . cover     how much stands above the tangent plane
     r(v) = s / (s + GATE) MLP(z)                                 residual in the frame of the vertex
     t(v) = A_l/pi Y(n) + D(F) r(v)                               prediction in the world
 
@@ -32,11 +33,11 @@ than rounding): s = 0, and the prediction is the closed form.
 *Heads.* One MLP says the first BASE bands. Another one says, from the same z, the bands after them and what each bounce
 of light off white surfaces adds; whoever does not ask for these does not wait for it.
 
-*Frame.* The third column of F is the normal. The first is the tangential part of sum_j q w (c + 0.001) u, the direction
-in which most is hidden. Where that is shorter than EVEN times the sum of its weights, hardly any direction is preferred
-and rounding would choose: there the direction of the first near corner, turned by ASIDE about the normal, is added, the
-more the less there is. A vertex without corners takes `orthonormal_frame`. Nothing absolute enters otherwise: the
-prediction turns with the mesh.
+*Frame.* The third column of F is the normal. The first is the tangential part of sum_j k u with
+k = q w (c + 0.001 clip(n . u + r, 0, 1)), the direction in which most is hidden. Where that is shorter than FAINT and
+EVEN times the sum of its weights together, hardly any direction is preferred and rounding would choose: there the
+direction of the first near corner, turned by ASIDE about the normal, is added, the more the less there is. A vertex
+without corners takes `orthonormal_frame`. Nothing absolute enters otherwise: the prediction turns with the mesh.
 
 *Errors.* After its coefficients the network learns to predict, per band, the mean square error of itself, of what
 bounces, and of the closed form, from the same z. Where it expects to be worse than the closed form, it is drawn towards
@@ -190,8 +191,8 @@ class SurfelNet(nn.Module):
         pooled = [total_of(weight[None] * h) for weight in (seen.above, seen.partly)]
         pooled += [jnp.sum(g, axis=1) / g.shape[1], jnp.max(g, axis=1)]
         total = total_of(seen.above)
-        pooled += [jnp.stack([total, most_of(seen.above), fourth_root(seen.edge)])]
-        return jnp.concatenate(pooled).T, seen.frames, total + seen.rise
+        pooled += [jnp.stack([total, most_of(seen.above), fourth_root(seen.edge), *seen.cover])]
+        return jnp.concatenate(pooled).T, seen.frames, total + seen.rise + seen.cover[2]
 
 
 def _normals_of(parts: Parts) -> Float[Array, "v 3"]:

@@ -12,6 +12,8 @@ from gash_jax.algebra.numerics import safe_normalize
 from gash_jax.nn.pooling import total_of
 
 EVEN = 0.1
+# sums of so little are rounding: whatever is in them, the corner decides
+FAINT = 1e-6
 # radians: of a symmetric surface the direction is often just opposite to a corner, and their sum could vanish
 ASIDE = 0.3
 # squared lengths are at least this (radius of the surface = 1): what coincides has no direction
@@ -46,6 +48,7 @@ class Look(NamedTuple):
     frames: Float[Array, "v 3 3"]
     rise: Float[Array, "v"]  # how far the near corners stand above the tangent plane
     edge: Float[Array, "v"]  # mean distance of the near corners
+    cover: list[Float[Array, "v"]]  # what the faces right beside the vertex cover, along the axes of its frame
 
 
 def _dot(a: Vector, b: Vector) -> Array:
@@ -85,7 +88,7 @@ def look(part: Part) -> Look:
     corners = jnp.asarray(part["near"]).reshape(len(share), part["near"].shape[1] // 6, 6).transpose(2, 1, 0)
     away = jnp.sqrt(_dot(list(corners[:3]), list(corners[:3])) + FLOOR)
     v = [c / away for c in corners[:3]]
-    frame = _frames([n[:, 0] for n in normal], u, above + 1e-3 * counted, [c[0] for c in v])
+    frame = _frames([n[:, 0] for n in normal], u, above + 1e-3 * partly, [c[0] for c in v])
     axes = [[component[:, None] for component in axis] for axis in frame]
     x, y = _dot(u, axes[0]), _dot(u, axes[1])
     flux = jnp.clip(-_dot(u, vector) / jnp.maximum(covered, SMALLEST_AREA), -2, 2)
@@ -97,7 +100,9 @@ def look(part: Part) -> Look:
     near = _near_features(list(corners[3:]), v, away, [[c[None] for c in axis] for axis in frame])
     rise = jnp.maximum(_dot(v, [n[None, :, 0] for n in normal]) - ROUNDING / away, 0)
     frames = jnp.stack([jnp.stack(axis, axis=-1) for axis in frame], axis=-1)
-    return Look(features, near, above, partly, frames, jnp.mean(rise, axis=0), jnp.mean(away, axis=0))
+    covered = list(jnp.asarray(part["cover"]).T)
+    cover = [_dot(covered, axis) for axis in frame]
+    return Look(features, near, above, partly, frames, jnp.mean(rise, axis=0), jnp.mean(away, axis=0), cover)
 
 
 def fourth_root(distance: Array) -> Array:
@@ -108,7 +113,7 @@ def fourth_root(distance: Array) -> Array:
 def _frames(normal: Vector, u: Vector, weight: Pair, corner: Vector) -> list[list[Float[Array, "v"]]]:
     """Axes of frames whose first looks where most is hidden, components of each."""
     first = _tangential([total_of(weight * a) for a in u], normal)
-    enough = EVEN * total_of(weight)
+    enough = EVEN * total_of(weight) + FAINT
     missing = jnp.maximum(enough - jnp.sqrt(_dot(first, first) + TINY), 0)
     other = safe_normalize(jnp.stack(_tangential(corner, normal), axis=-1)).T
     across = [normal[i - 2] * other[i - 1] - normal[i - 1] * other[i - 2] for i in range(3)]

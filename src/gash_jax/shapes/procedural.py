@@ -3,7 +3,8 @@
 Every kind is a recipe (generator, vertex count) -> surface. What real meshes differ in is varied on purpose: the
 occlusion (limbs, furrows, cavities, plates, contact between parts), the tessellation (grids, Delaunay, marching
 cubes, local refinement, decimation, long thin triangles) and the pose (bent, twisted, tapered, any way up).
-Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`, and for kinds that are dark inside `enclosed`.
+Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`; `enclosed` for kinds dark inside, `drawn` for
+parts with as few vertices as drawing programs give them.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from jaxtyping import Float
 from gash_jax.algebra.arguments import WholeNumber, as_array, shown, whole_number
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, RawMesh
+from gash_jax.shapes.drawn import drilled, shaft, stacked
 from gash_jax.shapes.enclosed import figure, housing, layers, machine, mouth, skull
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
 from gash_jax.shapes.mechanical import bracket, gear, plate
@@ -111,14 +113,20 @@ ENCLOSED: dict[str, Recipe] = {
     "layers": layers,
     "figure": figure,
 }
-ALL_KINDS = (*SHAPE_KINDS, *ENCLOSED)
+DRAWN: dict[str, Recipe] = {"drilled": drilled, "shaft": shaft, "stacked": stacked}
+ALL_KINDS = (*SHAPE_KINDS, *ENCLOSED, *DRAWN)
 CHOICES = {"base": SHAPE_KINDS, "all": ALL_KINDS}
 # without long flat fans and sharp rims, which moving vertices would tear
 SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
 
 def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> RawMesh:
-    """The recipe's surface as it is, or decimated, locally refined, relaxed, jittered; about `target` vertices."""
+    """The recipe's surface as it is, or decimated, locally refined, relaxed, jittered; about `target` vertices.
+
+    What a drawing program would export is left as it is.
+    """
+    if recipe in DRAWN.values():
+        return recipe(rng, target)
     way = rng.choice(["plain", "decimated", "regions", "edges"], p=[0.35, 0.25, 0.2, 0.2])
     ratio = {"plain": 1.0, "decimated": rng.uniform(1.15, 1.6), "regions": rng.uniform(0.5, 0.8), "edges": 0.7}[way]
     surface = recipe(rng, round(ratio * target))
@@ -134,7 +142,7 @@ def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> RawM
 
 
 def shape_kind(seed: int, index: int, kinds: str = "base") -> str:
-    """Kinds come in shuffled rounds: every len(SHAPE_KINDS) indices hold each kind once.
+    """Kinds come in shuffled rounds: as many indices as there are kinds hold each once.
 
     `kinds` is "base" for the SHAPE_KINDS or "all" for ALL_KINDS. Raises ValueError for anything else.
     """
@@ -154,8 +162,8 @@ def make_shape(
     """Shape number `index` of the corpus `seed`: its kind and its mesh, the same in every process.
 
     The vertex count is drawn log-uniformly from the range and met to about 30 %. Half of the shapes are turned
-    freely, the others stand along the axes in one of 24 ways. `kinds` is "base" or "all", which has six kinds more that
-    are dark inside. Raises ValueError for a range that is none and for other kinds.
+    freely, the others stand along the axes in one of 24 ways. `kinds` is "base" or "all", which has nine kinds more:
+    dark inside, or of few large faces. Raises ValueError for a range that is none and for other kinds.
 
     >>> kind, mesh = gash_jax.make_shape(0, 5, vertices=(200, 300))
     >>> mesh.faces.shape[1]
@@ -168,7 +176,7 @@ def make_shape(
     kind = shape_kind(seed, index, kinds)
     rng = np.random.default_rng([seed, 1, index])
     target = round(float(np.exp(rng.uniform(*np.log(span)))))
-    surface = retessellated((RECIPES | ENCLOSED)[kind], rng, target)
+    surface = retessellated((RECIPES | ENCLOSED | DRAWN)[kind], rng, target)
     rotation = random_rotation(rng) if rng.random() < 0.5 else _axis_rotation(rng)
     mesh, _ = prepare_mesh(moved(surface, rotation).vertices.astype(np.float32), surface.faces.astype(np.int32))
     return kind, mesh

@@ -25,7 +25,7 @@ from gash_jax.apps.exports.inputs import VERTICES
 from gash_jax.apps.exports.layers import dense
 from gash_jax.graph.surfel_graph import NEAR
 from gash_jax.nn.surfel_net import BASE, GATE, LOG_RANGE
-from gash_jax.nn.surfel_pairs import ASIDE, EDGE_ON, EVEN, FARTHEST, FLOOR, ROUNDING, SMALLEST_AREA, TINY
+from gash_jax.nn.surfel_pairs import ASIDE, EDGE_ON, EVEN, FAINT, FARTHEST, FLOOR, ROUNDING, SMALLEST_AREA, TINY
 
 SURFELS = "surfels"
 KNOWN = 1e-16  # of squared lengths: a tangent below is none
@@ -38,9 +38,10 @@ def write_surfel_net(g: Graph, config: Any) -> tuple[Value, Value]:
     position = g.input("position", (VERTICES, 3), "position of each vertex, (p - c) / r (Surfels)")
     normal = g.input("normal", (VERTICES, 3), "unit normal of each vertex, 0 where it has none (Input)")
     near = g.input("near", (VERTICES, NEAR * 6), "offsets and normals of each vertex's near corners (Surfels)")
+    cover = g.input("cover", (VERTICES, 3), "what the faces right beside each vertex cover (Surfels)")
     surfel = g.input("surfel", (VERTICES, SURFELS, 20), "records of the surfels of each vertex's list (Surfels)")
     weight = g.input("weight", (VERTICES, SURFELS), "weight of each, 0 where a list has ended (Surfels)")
-    pooled, axes, seen = _encode(g, surfel, weight, components(position), components(normal), near)
+    pooled, axes, seen = _encode(g, surfel, weight, components(position), components(normal), near, cover)
     gate = (seen / (seen + GATE)).unsqueeze(1)
     said, own, formula = _heads(g, config, pooled)
     frames = g.stack([g.stack(axis) for axis in axes])
@@ -79,7 +80,7 @@ def _log_errors(g: Graph, name: str, x: Value) -> Value:
 
 
 def _encode(
-    g: Graph, surfel: Value, weight: Value, position: Vector, normal: Vector, near: Value
+    g: Graph, surfel: Value, weight: Value, position: Vector, normal: Vector, near: Value, cover: Value
 ) -> tuple[Value, list[Vector], Value]:
     """Pooled features (v, c), axes of the frames, and how much stands above the tangent planes (v,)."""
     record = [surfel.take(i, 2) for i in range(20)]
@@ -99,7 +100,8 @@ def _encode(
     corner = [corners.take(i, 2) for i in range(6)]
     away = (dot(corner[:3], corner[:3]) + FLOOR).apply("Sqrt")
     v = [c / away for c in corner[:3]]
-    axes = _axes(g, normal, u, above + 1e-3 * counted, [c.take(0, 1) for c in v])
+    partly = counted * (height + reach).clip(0.0, 1.0)
+    axes = _axes(g, normal, u, above + 1e-3 * partly, [c.take(0, 1) for c in v])
     wide = [[component.unsqueeze(1) for component in axis] for axis in axes]
 
     x, y = dot(u, wide[0]), dot(u, wide[1])
@@ -109,14 +111,15 @@ def _encode(
     features += [angle.maximum(TINY).apply("Sqrt"), flux, reach, size / (size + distance)]
     features += [turned[2], turned[0], turned[1], _root(distance)]
     h = dense(g, "surfel", g.stack(features)).apply("Relu")  # (v, n, c)
-    weights = g.stack([above, counted * (height + reach).clip(0.0, 1.0)], 1)
+    weights = g.stack([above, partly], 1)
     sums = (weights @ h).reshape(0, 2 * g.weights["surfel/kernel"].shape[1])
     corner_states = dense(g, "near", g.stack(_near_features(corner[3:], v, away, wide))).apply("Relu")
     total = above.sum(1)
-    extra = g.stack([total, above.max(1), _root(away.mean(1))])
+    beside = [dot(components(cover), axis) for axis in axes]
+    extra = g.stack([total, above.max(1), _root(away.mean(1)), *beside])
     rise = (dot(v, facing) - ROUNDING / away).maximum(0.0)
     pooled = g.concat([sums, corner_states.mean(1), corner_states.max(1), extra], 1)
-    return pooled, axes, total + rise.mean(1)
+    return pooled, axes, total + rise.mean(1) + beside[2]
 
 
 def _projected_area(record: Vector, u: Vector) -> Value:
@@ -141,7 +144,7 @@ def _axes(g: Graph, normal: Vector, u: Vector, weight: Value, corner: Vector) ->
     """Axes of frames whose first looks where most is hidden, components of each (v,); `corner`: where the first is."""
     first = _tangential([(weight * a).sum(1) for a in u], normal)
     length = (dot(first, first) + TINY).apply("Sqrt")
-    missing = (EVEN * weight.sum(1) - length).maximum(0.0)
+    missing = (EVEN * weight.sum(1) + FAINT - length).maximum(0.0)
     other = unit_vectors(g, _tangential(corner, normal))
     aside = zip(other, cross(normal, other), strict=True)
     other = [math.cos(ASIDE) * o + math.sin(ASIDE) * a for o, a in aside]

@@ -1,0 +1,131 @@
+"""How much of a vertex's view the faces right beside it cover, exactly: what their moments do not tell.
+
+A surfel is a centre and moments, which is enough from afar. Where a face is closer to a vertex than it is wide, it
+matters which side of it the vertex lies on and whether it reaches over it: a sheet a hair above a vertex hides all,
+however far its middle is. Such faces are few on most meshes, and of each the view that it covers has a closed form.
+With r_k the corners of a triangle seen from the vertex and t_k the angle between r_k and r_(k+1),
+
+    f = sum_k t_k (r_k x r_(k+1)) / |r_k x r_(k+1)| / 2
+
+is the integral of directions over the triangle (Lambert 1760; Arvo 1995, vector irradiance): f . n, over pi, is the
+share of the light of an even sky that the triangle keeps from a vertex with normal n. Turned so that it points to the
+triangle, the faces' sum
+
+    cover = sum_j q_j max(f_j . n / |f_j|, 0) f_j / pi
+
+leaves out what lies below the horizon. With i the importance of `surfel_walk` and w the weight of a face in the list,
+q = min(SOON w, 1) clip(i / CLOSE - 1, 0, 1) is 0 from afar and continuous. The faces of which a vertex is itself a
+corner are seen edge-on and cover nothing.
+"""
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from gash_jax.graph.surfel_pieces import PIECES
+from gash_jax.graph.surfel_walk import Pairs
+from gash_jax.graph.surfels import SurfelTree
+
+CLOSE = np.float32(0.03)
+# a face that begins to stand for its parent in a list soon counts in full here: nothing else says what it covers
+SOON = np.float32(4)
+# relative to the radius of the surface: a face no farther than this from the vertex's own place is not above it
+TOUCHING = np.float32(1e-5)
+TINY = np.float32(1e-20)
+
+
+class ClosePairs(NamedTuple):
+    """Pairs of a vertex and a leaf of the tree right beside it, and q of the module docstring."""
+
+    vertex: Int[np.ndarray, "p"]
+    leaf: Int[np.ndarray, "p"]
+    weight: Float[np.ndarray, "p"]
+
+
+NO_PAIRS = ClosePairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
+
+
+def close_pairs(start: int, leaves: int, level: Pairs) -> ClosePairs:
+    """Of a level of some lists what is close.
+
+    Vertices are counted from `start`, and surfels are leaves from number `leaves` on.
+    """
+    vertex, node, weight, importance = level
+    if not len(node) or node[0] < leaves:  # all of a level are leaves, or none
+        return NO_PAIRS
+    kept = np.flatnonzero(importance > CLOSE)
+    share = np.minimum(importance[kept] * (1 / CLOSE) - 1, 1)
+    share *= np.minimum(SOON * weight[kept], 1)
+    return ClosePairs(vertex[kept] + start, node[kept] - leaves, share)
+
+
+def joined_pairs(parts: Sequence[ClosePairs]) -> ClosePairs:
+    """All pairs of some parts."""
+    return ClosePairs(*(np.concatenate(arrays) for arrays in zip(NO_PAIRS, *parts, strict=True)))
+
+
+def without_own(
+    pairs: ClosePairs, vertices: Int[np.ndarray, "n"], tree: SurfelTree, faces: Int[np.ndarray, "f 3"]
+) -> ClosePairs:
+    """Those whose leaf is no part of a face of the vertex; their vertex i is number `vertices[i]` of the mesh."""
+    pairs = pairs._replace(vertex=np.take(vertices, pairs.vertex))
+    corners = np.take(faces, tree.face[pairs.leaf], axis=0)
+    others = np.flatnonzero((corners != pairs.vertex[:, None]).all(axis=1))
+    return ClosePairs(*(np.take(array, others) for array in pairs))
+
+
+def surfel_cover(
+    pairs: ClosePairs,
+    tree: SurfelTree,
+    faces: Int[np.ndarray, "f 3"],
+    positions: Float[Any, "v 3"],
+    normals: Float[Any, "v 3"],
+    xp: ModuleType = np,
+) -> Float[Any, "v 3"]:
+    """The cover of every vertex; NumPy, or with `xp` = jax.numpy under jit."""
+    points, place = [positions[:, i] for i in range(3)], pairs.vertex
+    corner = np.take(faces, tree.face[pairs.leaf], axis=0)
+    weights = PIECES[tree.piece[pairs.leaf]]
+    own = [xp.take(column, place) for column in points]
+    up = [xp.take(normals[:, i], place) for i in range(3)]
+    far = [[xp.take(column, corner[:, b]) - mine for column, mine in zip(points, own, strict=True)] for b in range(3)]
+    r = [[sum(weights[:, a, b] * far[b][i] for b in range(3)) for i in range(3)] for a in range(3)]
+    found = [pairs.weight * component for component in _covered(r, up, xp)]
+    if xp is np:
+        return np.stack([np.bincount(place, f, len(positions)) for f in found], axis=-1).astype(np.float32)
+    return xp.stack([xp.zeros(len(positions), np.float32).at[place].add(f) for f in found], axis=-1)
+
+
+def _covered(r: list[list[Any]], up: list[Any], xp: ModuleType) -> list[Any]:
+    """max(f . n / |f|, 0) f / pi of triangles with these corners."""
+    total: list[Any] = [0, 0, 0]
+    for k in range(3):
+        a, b = r[k], r[k - 2]
+        cross = _cross(a, b)
+        sine, cosine = _length(cross, xp), _dot(a, b)
+        angle = xp.arctan2(sine, cosine) / (2 * np.float32(np.pi) * sine)
+        total = [t + angle * c for t, c in zip(total, cross, strict=True)]
+    # twice the area vector; how far the plane is from the vertex, along it
+    e, g = ([b - a for a, b in zip(r[0], r[k], strict=True)] for k in (1, 2))
+    face = _cross(e, g)
+    away = _dot(face, r[0]) / _length(face, xp)
+    # towards the triangle; nothing where the vertex lies in it
+    towards = away / xp.sqrt(away * away + TOUCHING * TOUCHING)
+    height = _dot(total, up) / _length(total, xp)
+    scale = xp.maximum(height * towards, 0) * towards
+    return [scale * t for t in total]
+
+
+def _cross(a: list[Any], b: list[Any]) -> list[Any]:
+    return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
+
+
+def _dot(a: list[Any], b: list[Any]) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _length(a: list[Any], xp: ModuleType) -> Any:
+    return xp.sqrt(_dot(a, a) + TINY)
