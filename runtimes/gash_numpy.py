@@ -503,7 +503,7 @@ def list_surfels(
     table, told = np.full((count, length), len(records) - 1), np.zeros((2, count, length), np.float32)
     table[vertex[fits], rank[fits]] = node[fits]
     told[:, vertex[fits], rank[fits]] = weight[fits], weighty[fits]
-    return table, *told
+    return table, told[0], told[1]
 
 
 def cover(
