@@ -9,7 +9,7 @@ import pytest
 
 from gash_jax.graph.surfel_graph import surfel_graph
 from gash_jax.nn import surfel_pairs
-from gash_jax.nn.surfel_pairs import ASIDE, EVEN, FARTHEST, look
+from gash_jax.nn.surfel_pairs import ASIDE, EVEN, FAINT, FARTHEST, look
 from tests.helpers.bumpy import bumpy_mesh, random_rotation, surfel_parts
 
 
@@ -68,18 +68,19 @@ def test_weights_of_pairs_are_the_formula_in_float64() -> None:
         height = np.sum(normal * u, -1)
         np.testing.assert_allclose(seen.above, w * np.maximum(height, 0), atol=2e-5)
         reach = np.minimum(np.sqrt(np.maximum(_form(p["surfel"][..., 14:], normal), 0)) / d, FARTHEST)
-        np.testing.assert_allclose(seen.partly, w * np.clip(height + reach, 0, 1), atol=2e-4)
+        partly = w * np.clip(height + reach, 0, 1)
+        np.testing.assert_allclose(seen.partly, partly, atol=2e-4)
         frames = np.asarray(seen.frames, np.float64)
         identity = np.tile(np.eye(3), (len(frames), 1, 1))
         np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), identity, atol=1e-5)
         assert np.all(np.linalg.det(frames) > 0)
         # the first axis looks where most is hidden, and less so aside of the first corner
-        weight = w * (np.maximum(height, 0) + 1e-3)
+        weight = w * np.maximum(height, 0) + 1e-3 * partly
         most = _tangential(np.einsum("vn,vni->vi", weight, u), p["normal"])
         corner = _tangential(p["near"][:, :3], p["normal"])
         corner /= np.linalg.norm(corner, axis=1, keepdims=True)
         corner = np.cos(ASIDE) * corner + np.sin(ASIDE) * np.cross(p["normal"], corner)
-        missing = EVEN * weight.sum(1, keepdims=True) - np.linalg.norm(most, axis=1, keepdims=True)
+        missing = EVEN * weight.sum(1, keepdims=True) + FAINT - np.linalg.norm(most, axis=1, keepdims=True)
         most += np.maximum(missing, 0) * corner
         most /= np.linalg.norm(most, axis=1, keepdims=True)
         np.testing.assert_allclose(frames[..., 0], most, atol=2e-3)
