@@ -3,34 +3,23 @@
 import numpy as np
 import pytest
 
-from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, RawMesh
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.drawn import Hole, _cap, _circle, _merged, _outline, _plate_faces, shaft
-from gash_jax.shapes.procedural import DRAWN, RECIPES, Recipe, make_shape, retessellated
+from gash_jax.shapes.procedural import DRAWN, RECIPES, make_shape
 from gash_jax.shapes.triangles import signed_volume
+from tests.helpers.recipes import closed, made
 from tests.helpers.transfer_formulas import Y00
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-
-
-def _made(recipe: Recipe, seed: int, target: int) -> Mesh:
-    surface = retessellated(recipe, np.random.default_rng([seed, target]), target)
-    return prepare_mesh(surface.vertices.astype(np.float32), surface.faces.astype(np.int32))[0]
-
-
-def _closed(faces: np.ndarray) -> bool:
-    """Every directed edge has as many opposites."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    return bool(np.array_equal(np.sort(edges @ [10**7, 1]), np.sort(edges @ [1, 10**7])))
 
 
 @pytest.mark.parametrize("kind", DRAWN)
 def test_closed_of_about_unit_size_with_no_more_vertices_than_asked_for(kind: str) -> None:
     for target in (200, 700, 3000):
         for seed in range(6):
-            mesh = _made(DRAWN[kind], seed, target)
-            assert _closed(mesh.faces) and np.isfinite(mesh.vertices).all()
+            mesh = made(DRAWN[kind], seed, target)
+            assert closed(mesh.faces) and np.isfinite(mesh.vertices).all()
             assert 20 < len(mesh.vertices) <= 1.3 * target
             assert 0.3 < np.abs(mesh.vertices).max() < 1.5
             assert signed_volume(RawMesh(mesh.vertices.astype(float), mesh.faces.astype(np.int64))) > 0
@@ -38,7 +27,7 @@ def test_closed_of_about_unit_size_with_no_more_vertices_than_asked_for(kind: st
 
 @pytest.mark.parametrize("kind", DRAWN)
 def test_the_same_again_and_another_for_another_seed(kind: str) -> None:
-    first, again, other = (_made(DRAWN[kind], seed, 400) for seed in (1, 1, 2))
+    first, again, other = (made(DRAWN[kind], seed, 400) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.vertices, again.vertices)
     np.testing.assert_array_equal(first.faces, again.faces)
     assert not np.array_equal(first.vertices, other.vertices)
@@ -53,14 +42,14 @@ def _slenderness(mesh: Mesh) -> float:
 
 def test_faces_are_slender_where_those_of_other_kinds_are_not() -> None:
     for recipe in DRAWN.values():
-        assert np.median([_slenderness(_made(recipe, seed, 700)) for seed in range(6)]) > 3
-    assert _slenderness(_made(RECIPES["plate"], 0, 700)) < 3
+        assert np.median([_slenderness(made(recipe, seed, 700)) for seed in range(6)]) > 3
+    assert _slenderness(made(RECIPES["plate"], 0, 700)) < 3
 
 
 @pytest.mark.slow
 def test_between_stacked_plates_it_is_dark() -> None:
     seen = [
-        bake_transfer(_made(DRAWN["stacked"], s, 500), 1, 64, replicates=1).coefficients[:, 0] / Y00 for s in range(8)
+        bake_transfer(made(DRAWN["stacked"], s, 500), 1, 64, replicates=1).coefficients[:, 0] / Y00 for s in range(8)
     ]
     assert np.mean(np.concatenate(seen) < 0.1) > 0.15
 
@@ -75,7 +64,7 @@ def test_a_plate_with_one_of_every_hole_by_hand() -> None:
     disk = 0.5 * corners * np.sin(2 * np.pi / corners)  # area over the square of the radius
     expected = 4 * height + disk * (0.09 * (-0.5 - 0.3 - 0.3 + 0.4) - 0.01 * 0.2)
     assert signed_volume(surface) == pytest.approx(expected, rel=1e-9)
-    assert _closed(surface.faces)
+    assert closed(surface.faces)
     # nothing but the corners of the drawing: two rims of each wall
     assert len(surface.vertices) == 2 * 4 + corners * (2 + 2 + 4 + 2)
 

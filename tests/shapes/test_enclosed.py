@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gash_jax.geometry.health import prepare_mesh
-from gash_jax.geometry.mesh import Mesh, RawMesh
+from gash_jax.geometry.mesh import RawMesh
 from gash_jax.prt.bake import bake_transfer
 from gash_jax.shapes.enclosed import _thickened, thinned
 from gash_jax.shapes.parametric import flat_domain
@@ -17,30 +16,19 @@ from gash_jax.shapes.procedural import (
     SHAPE_KINDS,
     Recipe,
     make_shape,
-    retessellated,
     shape_kind,
 )
 from gash_jax.shapes.triangles import signed_volume
+from tests.helpers.recipes import closed, made
 from tests.helpers.transfer_formulas import Y00
-
-
-def _made(recipe: Recipe, seed: int, target: int) -> Mesh:
-    surface = retessellated(recipe, np.random.default_rng([seed, target]), target)
-    return prepare_mesh(surface.vertices.astype(np.float32), surface.faces.astype(np.int32))[0]
-
-
-def _closed(faces: np.ndarray) -> bool:
-    """Every directed edge has as many opposites."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    return bool(np.array_equal(np.sort(edges @ [10**7, 1]), np.sort(edges @ [1, 10**7])))
 
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_closed_of_about_unit_size_with_the_vertices_asked_for(kind: str) -> None:
     for target in (200, 700, 3000):
         for seed in range(3):
-            mesh = _made(ENCLOSED[kind], seed, target)
-            assert _closed(mesh.faces) and np.isfinite(mesh.vertices).all()
+            mesh = made(ENCLOSED[kind], seed, target)
+            assert closed(mesh.faces) and np.isfinite(mesh.vertices).all()
             assert 0.7 * target <= len(mesh.vertices) <= 1.3 * target
             assert 0.5 < np.abs(mesh.vertices).max() < 2.5
             if target > 200:  # so few vertices do not keep thin sheets apart
@@ -49,7 +37,7 @@ def test_closed_of_about_unit_size_with_the_vertices_asked_for(kind: str) -> Non
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_the_same_again_and_another_for_another_seed(kind: str) -> None:
-    first, again, other = (_made(ENCLOSED[kind], seed, 400) for seed in (1, 1, 2))
+    first, again, other = (made(ENCLOSED[kind], seed, 400) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.vertices, again.vertices)
     np.testing.assert_array_equal(first.faces, again.faces)
     assert not np.array_equal(first.vertices, other.vertices)
@@ -57,7 +45,7 @@ def test_the_same_again_and_another_for_another_seed(kind: str) -> None:
 
 def _seen(recipe: Recipe) -> np.ndarray:
     """Of all vertices of some shapes, the share of the light of a constant sky that arrives."""
-    meshes = [_made(recipe, seed, 800) for seed in range(4)]
+    meshes = [made(recipe, seed, 800) for seed in range(4)]
     return np.concatenate([bake_transfer(mesh, 1, 64, replicates=1).coefficients[:, 0] / Y00 for mesh in meshes])
 
 
@@ -100,11 +88,11 @@ def test_other_kinds_are_refused(kinds: str) -> None:
 def test_a_thickened_sheet_by_hand() -> None:
     """A unit square of thickness .1 has the volume .1."""
     body = _thickened(flat_domain(np.random.default_rng(0), 60), 0.1)
-    assert _closed(body.faces) and abs(signed_volume(body) - 0.1) < 1e-9
+    assert closed(body.faces) and abs(signed_volume(body) - 0.1) < 1e-9
 
 
 def test_thinning_goes_on_where_contraction_stops() -> None:
     ball = icosphere(4)
     surface = RawMesh(ball.vertices.astype(np.float64), ball.faces.astype(np.int64))
     few = thinned(surface, np.random.default_rng(0), 60)
-    assert len(few.vertices) <= 60 and _closed(few.faces) and signed_volume(few) > 0
+    assert len(few.vertices) <= 60 and closed(few.faces) and signed_volume(few) > 0
