@@ -13,10 +13,10 @@ At the top of the tree the product is 1. A surfel enters and leaves with weight 
 children their weights and its own add up to 1: the weights are a continuous function of position and normal. Importance
 is a ratio of lengths: moving, turning or scaling the mesh changes nothing.
 
-The 1.5 s let children be found that stand higher than their parent's middle. About half of what is found still lies
-wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The network gives it
-the weight 0 in all sums, so that to leave it out changes nothing (`_above_horizon`) - unless the mesh deforms, and what
-lies in the tangent plane rises out of it.
+The 1.5 s let children be found that stand higher than their parent's middle. Much of what is found, of smooth bodies
+half, still lies wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The
+network gives it the weight 0 in all sums, so that to leave it out changes nothing (`_above_horizon`) - unless the mesh
+deforms, and what lies in the tangent plane rises out of it.
 """
 
 from typing import NamedTuple

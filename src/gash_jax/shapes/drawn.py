@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import Delaunay
 
 from gash_jax.geometry.mesh import RawMesh
-from gash_jax.shapes.parametric import facing_up, revolved
+from gash_jax.shapes.mechanical import cap, inside_convex
+from gash_jax.shapes.parametric import revolved
 from gash_jax.shapes.triangles import join, moved, outward
 
 SMALLEST = 0.015
@@ -47,7 +47,7 @@ def _plate(rng: np.random.Generator, target: int, rim: Loop, height: float) -> R
         radius, centre = largest * rng.uniform(0.3, 1.0), rng.uniform(-1, 1, size=2)
         # where many are wanted there is no room for large ones; below, rounding decides what is a Delaunay edge
         largest = max(0.995 * largest, SMALLEST)
-        inside = _inside(rim, centre) > 1.1 * radius
+        inside = inside_convex(rim, centre) > 1.1 * radius
         free = (np.linalg.norm(taken[:, :2] - centre, axis=1) > taken[:, 2] + 1.1 * radius).all()
         if inside and free:
             hole = _hole(rng, centre, radius, corners, height)
@@ -88,13 +88,6 @@ def _outline(rng: np.random.Generator) -> Loop:
     return np.concatenate([sign * (half - radius) + arc for sign, arc in zip(signs, turned, strict=True)])
 
 
-def _inside(outline: Loop, point: Float[np.ndarray, "2"]) -> float:
-    """Distance from the nearest side of a counter-clockwise convex outline; negative outside."""
-    along = np.roll(outline, -1, axis=0) - outline
-    normal = np.stack([-along[:, 1], along[:, 0]], -1) / np.linalg.norm(along, axis=1, keepdims=True)
-    return float(np.sum((point - outline) * normal, axis=1).min())
-
-
 def _plate_faces(rim: Loop, holes: Sequence[Hole], height: float) -> list[RawMesh]:
     """Caps and walls, each with vertices of its own."""
     through = [hole.circle if hole.level is None else hole.bore for hole in holes]
@@ -113,16 +106,9 @@ def _plate_faces(rim: Loop, holes: Sequence[Hole], height: float) -> list[RawMes
 
 
 def _cap(rim: Loop, holes: Sequence[Loop], level: float) -> RawMesh:
-    """The flat face within a rim and outside its holes, facing up.
-
-    Corners of a hole lie on a circle that keeps clear of all others, and the rim is its own hull, so that every side of
-    the drawing is a Delaunay edge.
-    """
-    points = np.concatenate([rim, *holes])
-    owner = np.repeat(np.arange(1 + len(holes)), [len(rim), *map(len, holes)])
-    faces = facing_up(points, Delaunay(points).simplices)
-    own = (owner[faces] == owner[faces[:, :1]]).all(axis=1) & (owner[faces[:, 0]] > 0)
-    return RawMesh(np.pad(points, ((0, 0), (0, 1)), constant_values=level), faces[~own])
+    """The flat face within a rim and outside its holes, facing up."""
+    points, faces = cap([rim, *holes])
+    return RawMesh(np.pad(points, ((0, 0), (0, 1)), constant_values=level), faces)
 
 
 def _wall(loop: Loop, low: float, high: float) -> RawMesh:

@@ -5,8 +5,10 @@ vertices. Flat faces are triangulated as drawing programs do it, with long thin 
 caller refines where it wants more vertices.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import Delaunay
 
 from gash_jax.geometry.mesh import RawMesh
@@ -67,11 +69,7 @@ def plate(rng: np.random.Generator, target: int) -> RawMesh:
 
 
 def _drilled(rng: np.random.Generator, target: int, height: float) -> RawMesh:
-    """Extrusion of a convex outline with holes that keep clear of each other and of the rim.
-
-    Hole corners lie on a circle with nothing inside, and the outline is its own hull, so every edge of the drawing
-    is a Delaunay edge: caps are the Delaunay triangles outside the holes, walls hang from the drawn edges.
-    """
+    """Extrusion of a convex outline with holes that keep clear of each other and of the rim; walls hang from both."""
     sides = int(rng.choice([4, 4, 5, 6, 8, 24, 40]))
     turn = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     rim = np.stack([np.cos(turn), np.sin(turn)], -1) * [1.0, rng.uniform(0.4, 1.0)]
@@ -82,7 +80,7 @@ def _drilled(rng: np.random.Generator, target: int, height: float) -> RawMesh:
     for _ in range(4 * max(1, target // (4 * corners))):
         radius = clear * rng.uniform(0.05, 0.3)
         centre = rng.uniform(-1, 1, size=2) * [0.95, clear]
-        inside = _inside_convex(rim, centre) > radius + 0.03
+        inside = inside_convex(rim, centre) > radius + 0.03
         free = (np.linalg.norm(placed_holes[:, :2] - centre, axis=1) > placed_holes[:, 2] + radius + 0.03).all()
         if inside and free and 2 * (sum(map(len, loops)) + corners) <= target:
             angle = 2 * np.pi * np.arange(corners) / corners + rng.uniform(0, 1)
@@ -91,20 +89,29 @@ def _drilled(rng: np.random.Generator, target: int, height: float) -> RawMesh:
     return _extruded(loops, height)
 
 
-def _inside_convex(outline: Float[np.ndarray, "n 2"], point: Float[np.ndarray, "2"]) -> float:
+def inside_convex(outline: Float[np.ndarray, "n 2"], point: Float[np.ndarray, "2"]) -> float:
     """Distance from the nearest side of a counter-clockwise outline; negative outside."""
     along = np.roll(outline, -1, axis=0) - outline
     normal = np.stack([-along[:, 1], along[:, 0]], -1) / np.linalg.norm(along, axis=1, keepdims=True)
     return float(np.sum((point - outline) * normal, axis=1).min())
 
 
-def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> RawMesh:
-    """Prism over a rim (counter-clockwise) with holes (clockwise), see `_drilled`."""
+def cap(loops: Sequence[Float[np.ndarray, "_ 2"]]) -> tuple[Float[np.ndarray, "n 2"], Int[np.ndarray, "f 3"]]:
+    """The flat face within a rim, the first of the loops, and outside its holes: corners, and triangles facing up.
+
+    Corners of a hole lie on a circle with nothing inside, and the rim is its own hull, so every edge of the drawing is
+    a Delaunay edge.
+    """
     points = np.concatenate(loops)
     owner = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
-    caps = facing_up(points, Delaunay(points).simplices)
-    same_hole = (owner[caps] == owner[caps[:, :1]]).all(axis=1) & (owner[caps[:, 0]] > 0)
-    caps = caps[~same_hole]
+    faces = facing_up(points, Delaunay(points).simplices)
+    in_hole = (owner[faces] == owner[faces[:, :1]]).all(axis=1) & (owner[faces[:, 0]] > 0)
+    return points, faces[~in_hole]
+
+
+def _extruded(loops: list[Float[np.ndarray, "_ 2"]], height: float) -> RawMesh:
+    """Prism over a rim (counter-clockwise) with holes (clockwise), see `cap`."""
+    points, caps = cap(loops)
     starts = np.cumsum([0] + [len(loop) for loop in loops[:-1]])
     following = np.concatenate(
         [start + np.roll(np.arange(len(loop)), -1) for start, loop in zip(starts, loops, strict=True)]

@@ -48,7 +48,7 @@ class DataConfig:
     )
     min_vertices: int = setting(600, "vertices of the smallest shapes", least=4)
     max_vertices: int = setting(3000, "vertices of the largest shapes", least=4)
-    kinds: str = setting("base", "kinds of shapes; all: six more that are dark inside", choices=("base", "all"))
+    kinds: str = setting("base", "kinds of shapes; all: nine more, dark inside or drawn parts", choices=("base", "all"))
     folder: str = setting("", "folder of meshes to train on, instead of generated shapes")
     validation_folder: str = setting("", "folder of meshes to validate on, instead of generated shapes")
     animation: str = setting("", "animation (.npz, .glb) of the object that deforms, for the models of one")
