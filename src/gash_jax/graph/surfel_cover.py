@@ -26,10 +26,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from gash_jax.graph.surfel_pieces import PIECES
-from gash_jax.graph.surfel_walk import Pairs
+from gash_jax.graph.surfel_walk import CLOSE, Pairs
 from gash_jax.graph.surfels import SurfelTree
 
-CLOSE = np.float32(0.03)
 # a face that begins to stand for its parent in a list soon counts in full here: nothing else says what it covers
 SOON = np.float32(4)
 # relative to the radius of the surface: a face no farther than this from the vertex's own place is not above it
@@ -48,18 +47,11 @@ class ClosePairs(NamedTuple):
 NO_PAIRS = ClosePairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
 
 
-def close_pairs(start: int, leaves: int, level: Pairs) -> ClosePairs:
-    """Of a level of some lists what is close.
-
-    Vertices are counted from `start`, and surfels are leaves from number `leaves` on.
-    """
-    vertex, node, weight, importance = level
-    if not len(node) or node[0] < leaves:  # all of a level are leaves, or none
-        return NO_PAIRS
-    kept = np.flatnonzero(importance > CLOSE)
-    share = np.minimum(importance[kept] * (1 / CLOSE) - 1, 1)
-    share *= np.minimum(SOON * weight[kept], 1)
-    return ClosePairs(vertex[kept] + start, node[kept] - leaves, share)
+def close_pairs(start: int, pairs: Pairs) -> ClosePairs:
+    """The leaves beside some vertices (`walk_tree`), which are counted from `start`."""
+    share = np.minimum(pairs.importance * (1 / CLOSE) - 1, 1)
+    share *= np.minimum(SOON * pairs.weight, 1)
+    return ClosePairs(pairs.vertex + start, pairs.node, share)
 
 
 def joined_pairs(parts: Sequence[ClosePairs]) -> ClosePairs:

@@ -61,7 +61,7 @@ def list_surfels(
     starts = range(0, count, size)
     with ThreadPoolExecutor(workers) as pool:  # no vertex knows of another, and NumPy lets go of the interpreter
         found = list(pool.map(lambda start: _lists(levels, own[:, start : start + size], spreads), starts))
-        lengths = np.concatenate([lengths for lengths, _ in found] or [np.zeros(0, np.int64)])
+        lengths = np.concatenate([lengths for lengths, _, _ in found] or [np.zeros(0, np.int64)])
         bucket = _buckets(lengths)
         width = np.array(WIDTHS)[bucket]
         order = np.argsort(bucket, kind="stable")
@@ -73,11 +73,8 @@ def list_surfels(
         def place(start: int, pairs: list[Pairs]) -> None:
             _place(pairs, begin[start : start + size], lengths[start : start + size], table, weight)
 
-        list(pool.map(place, starts, [pairs for _, pairs in found]))
-    leaves = sum(tree.level_sizes[:-1])
-    close = [
-        close_pairs(start, leaves, level) for start, (_, pairs) in zip(starts, found, strict=True) for level in pairs
-    ]
+        list(pool.map(place, starts, [pairs for _, pairs, _ in found]))
+    close = [close_pairs(start, pairs) for start, (_, _, pairs) in zip(starts, found, strict=True)]
     sizes = np.bincount(bucket, minlength=len(WIDTHS))
     ends, rows = np.cumsum(sizes * np.array(WIDTHS)), np.cumsum(sizes)
     lists = tuple(
@@ -114,15 +111,16 @@ def _buckets(lengths: np.ndarray) -> np.ndarray:
 
 def _lists(
     levels: list[list[np.ndarray]], own: np.ndarray, spreads: list[np.ndarray] | None
-) -> tuple[np.ndarray, list[Pairs]]:
-    """Lengths of the lists of some vertices, and level by level what is in them."""
-    found, total = walk_tree(levels, own, spreads)
+) -> tuple[np.ndarray, list[Pairs], Pairs]:
+    """Lengths of the lists of some vertices, level by level what is in them, and the leaves beside them."""
+    found, close, total = walk_tree(levels, own, spreads)
     crowded = np.flatnonzero(total > FULL)
     if len(crowded):
-        again, _ = walk_tree(levels, own[:, crowded], spreads, (FULL / total[crowded]).astype(np.float32))
+        # what is beside a vertex stays
+        again, _, _ = walk_tree(levels, own[:, crowded], spreads, (FULL / total[crowded]).astype(np.float32))
         calm = [level.some(np.flatnonzero(np.take(total, level.vertex) <= FULL)) for level in found]
         found = [*calm, *(level._replace(vertex=np.take(crowded, level.vertex)) for level in again)]
-    return np.sum([np.bincount(level.vertex, minlength=own.shape[1]) for level in found], axis=0), found
+    return np.sum([np.bincount(level.vertex, minlength=own.shape[1]) for level in found], axis=0), found, close
 
 
 def _place(levels: list[Pairs], begin: np.ndarray, lengths: np.ndarray, table: np.ndarray, weight: np.ndarray) -> None:

@@ -2,19 +2,23 @@
 
 With s the surfel's size, d its distance from the vertex and n the normal there,
 
-    importance i = s² / (d² + s²) * min(h, 1)      how much of the view it fills, times how high it stands
-    h            = max((n . offset + 1.5 s) / sqrt(d² + s²), 0)      how high its upper end is; 0 below the horizon
-    open         = clip(i / OPENING - 1, 0, 1)     how far its children stand for it; 0 of a leaf
-    seen         = clip(i / NEGLIGIBLE - 1, 0, 1)
+    r       = sqrt(d² + s²)
+    g       = s² / r²                                     how much of the view it fills
+    i       = g clip((n . offset + MIDDLE s) / r, 0, 1)   its importance: and how high it stands; 0 below the horizon
+    j       = g clip((n . offset + TIPS s) / r, 0, 1)     the same of the highest that may be in it
 
-    weight       = (product of `open` over all surfels above it in the tree) * (1 - open) * seen
+    open    = clip(j / OPENING - 1, 0, 1)                 how far its children stand for it; 0 of a leaf
+    seen    = clip(i / NEGLIGIBLE - 1, 0, 1)
+
+    weight  = (product of `open` over all surfels above it in the tree) * (1 - open) * seen
 
 At the top of the tree the product is 1. A surfel enters and leaves with weight 0, and while it gives way to its
 children their weights and its own add up to 1: the weights are a continuous function of position and normal. Importance
 is a ratio of lengths: moving, turning or scaling the mesh changes nothing.
 
-The 1.5 s let children be found that stand higher than their parent's middle. Much of what is found, of smooth bodies
-half, still lies wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The
+A surfel is opened for what may stand highest in it: at the tip of a nose or between two toes most of the surface around
+lies behind the vertex, and the middle of a surfel tells nothing of the small part of it that stands above. Much of what
+is found still lies wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The
 network gives it the weight 0 in all sums, so that to leave it out changes nothing (`_above_horizon`) - unless the mesh
 deforms, and what lies in the tangent plane rises out of it.
 """
@@ -26,12 +30,18 @@ from jaxtyping import Float, Int
 
 from gash_jax.graph.surfels import FAN, SurfelTree
 
-OPENING = np.float32(0.11)
+OPENING = np.float32(0.1)
 NEGLIGIBLE = np.float32(0.01)
+# leaves whose j is larger are beside the vertex (`surfel_cover`)
+CLOSE = np.float32(0.03)
+# corners of a triangle reach no farther from its middle than this many of its mean square distances
+CORNERS = 8.0
+# of a surfel's size: how far above its middle it is looked at, and what is highest in it may stand
+MIDDLE, TIPS = np.float32(0.6), np.float32(2.25)
 TINY = np.float32(1e-12)
 FAN_BITS = FAN.bit_length() - 1
 # of squared extents: what rounding might still bring above the horizon is left in
-ROUNDING = np.float32(1e-4)
+ROUNDING = 1e-4
 
 
 class Pairs(NamedTuple):
@@ -45,6 +55,9 @@ class Pairs(NamedTuple):
     def some(self, chosen: np.ndarray) -> "Pairs":
         """Some of them, by their numbers."""
         return Pairs(*(np.take(array, chosen) for array in self))
+
+
+NO_PAIRS = Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32))
 
 
 def families(tree: SurfelTree, records: np.ndarray) -> list[list[np.ndarray]]:
@@ -66,72 +79,82 @@ def walk_tree(
     own: np.ndarray,
     spreads: list[np.ndarray] | None = None,
     scale: np.ndarray | None = None,
-) -> tuple[list[Pairs], Float[np.ndarray, "n"]]:
-    """Level by level what some vertices see, and the sum of its weights; `own` (6, n): their positions and normals.
+) -> tuple[list[Pairs], Pairs, Float[np.ndarray, "n"]]:
+    """Level by level what some vertices see, the leaves beside them, and the sum of the weights of what they see.
 
-    With the covariances of all surfels (`spreads`: xx, yy, zz, xy, xz, yz), what is wholly below the horizon is left
-    out, though not of the sum. Where there is a `scale`, of every vertex its own, importance is multiplied by it.
+    `own` (6, n): positions and normals. Of leaves beside a vertex the weight is the product of `open` above them alone,
+    and the importance is j. With the covariances of all surfels (`spreads`: xx, yy, zz, xy, xz, yz), what is wholly
+    below the horizon is left out, though not of the sum. Where there is a `scale`, of every vertex its own, importance
+    is multiplied by it.
     """
-    count, found, start = own.shape[1], [], 0
+    count, found, start, close = own.shape[1], [], 0, NO_PAIRS
     total = np.zeros(count)
     # indices as wide as NumPy's own, or it would convert them at every use
     vertex, family, reached = np.arange(count), np.zeros(count, np.int64), None
     for number, columns in enumerate(levels):
-        width = columns[0].shape[1]
+        width, is_last = columns[0].shape[1], number + 1 == len(levels)
         if number == 0:
-            importance, height = _importance(columns, [column[:, None] for column in own])
+            looked = _importance(columns, [column[:, None] for column in own])
         else:  # loops over long rows are faster than over families
             near = [np.take(column, family, axis=0).reshape(-1) for column in columns]
-            importance, height = _importance(near, [np.repeat(np.take(column, vertex), FAN) for column in own])
-        importance = importance.reshape(-1)
+            looked = _importance(near, [np.repeat(np.take(column, vertex), FAN) for column in own])
+        importance, highest, height = (array.reshape(-1) for array in looked)
         if scale is not None:
-            importance *= np.repeat(np.take(scale, vertex), width)
-        # two thirds are not worth another look
-        kept = np.flatnonzero(importance > NEGLIGIBLE)
-        row, place = _row_and_place(kept, width)
-        who, node, important = np.take(vertex, row), np.take(family, row), np.take(importance, kept)
-        node *= width
-        node += place
-        weight = important * (1 / NEGLIGIBLE)
-        weight -= 1
-        np.minimum(weight, 1, out=weight)
-        opened = important[:0]  # leaves have no children
-        if number + 1 < len(levels):
-            opened = important * (1 / OPENING)
-            opened -= 1
-            np.clip(opened, 0, 1, out=opened)
+            times = np.repeat(np.take(scale, vertex), width)
+            importance *= times
+            highest *= times
+        # passes over all are cheap and picking is not: nothing is picked before all is known of it
+        weight = _ramp(importance, NEGLIGIBLE)
+        opened = _ramp(highest, OPENING)
+        if not is_last:  # leaves have no children
             weight *= 1 - opened
-        if reached is not None:
-            above = np.take(reached, row)
-            weight *= above
-            opened *= above[: len(opened)]
-        total += np.bincount(who, weight, count)
-        parents = np.flatnonzero(opened > 0)
-        # surfel i of a level has family i of the next as its children
-        vertex, family, reached = np.take(who, parents), np.take(node, parents), np.take(opened, parents)
-        node += start
-        start += columns[0].size
-        seen = weight > 0
+        above = np.ones(len(weight), np.float32) if reached is None else np.repeat(reached, width)
+        weight *= above
+        total += np.bincount(vertex, weight.reshape(-1, width).sum(axis=1), count)
+        kept = np.flatnonzero(weight > 0)
+        level = Pairs(*_pairs(kept, vertex, family, width), np.take(weight, kept), np.take(importance, kept))
         if spreads is not None:
-            seen &= _above_horizon(who, node, np.take(height.reshape(-1), kept), own, spreads)
-        found.append(Pairs(who, node, weight, important).some(np.flatnonzero(seen)))
-    return found, total
+            level = level.some(_above_horizon(level, np.take(height, kept), own, [s[start:] for s in spreads]))
+        found.append(level._replace(node=level.node + start))
+        if is_last:
+            kept = np.flatnonzero(highest > CLOSE)
+            close = Pairs(*_pairs(kept, vertex, family, width), np.take(above, kept), np.take(highest, kept))
+            if spreads is not None:
+                leaves = [s[start:] for s in spreads]
+                close = close.some(_above_horizon(close, np.take(height, kept), own, leaves, CORNERS))
+            break
+        start += columns[0].size
+        parents = np.flatnonzero(opened > 0)
+        reached = np.take(opened, parents) * np.take(above, parents)
+        # surfel i of a level has family i of the next as its children
+        vertex, family = _pairs(parents, vertex, family, width)
+    return found, close, total
 
 
-def _row_and_place(index: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Quotient and rest; of families by bits, as NumPy's division takes longer than all the rest."""
-    return (index >> FAN_BITS, index & (FAN - 1)) if width == FAN else np.divmod(index, width)
+def _ramp(importance: np.ndarray, start: np.float32) -> np.ndarray:
+    """0 up to `start`, 1 from twice that on."""
+    found = importance * (1 / start)
+    found -= 1
+    return np.clip(found, 0, 1, out=found)
 
 
-def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """The formula above, below 1; and n . offset."""
+def _pairs(index: np.ndarray, vertex: np.ndarray, family: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of some members of families, each of its vertex: the vertex, and the surfel's number in its level."""
+    # by bits, as NumPy's division takes longer than all the rest
+    row, place = (index >> FAN_BITS, index & (FAN - 1)) if width == FAN else np.divmod(index, width)
+    node = np.take(family, row)
+    node *= width
+    node += place
+    return np.take(vertex, row), node
+
+
+def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """i and j of the formula above, below 1; and n . offset."""
     x, y, z = (a - b for a, b in zip(surfel[:3], own[:3], strict=True))
     s = surfel[3]
     height = own[3] * x
     height += own[4] * y
     height += own[5] * z
-    up = np.float32(1.5) * s + height
-    np.maximum(up, 0, out=up)
     x *= x
     y *= y
     z *= z
@@ -140,24 +163,32 @@ def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> tuple[np.nda
     square = s * s
     x += square
     x += TINY
-    up /= np.sqrt(x, out=y)
-    np.minimum(up, 1, out=up)
-    up *= square
-    up /= x
-    return up, height
+    filled = square / x
+    far = np.sqrt(x, out=x)
+    looked = []
+    for rise in (MIDDLE, TIPS):
+        up = rise * s + height
+        up /= far
+        np.clip(up, 0, 1, out=up)
+        up *= filled
+        looked.append(up)
+    return looked[0], looked[1], height
 
 
 def _above_horizon(
-    vertex: np.ndarray, node: np.ndarray, height: np.ndarray, own: np.ndarray, spreads: list[np.ndarray]
+    pairs: Pairs, height: np.ndarray, own: np.ndarray, spreads: list[np.ndarray], reach: float = 1.0
 ) -> np.ndarray:
-    """Whether surfels reach above the horizon of vertices above which their middles stand so high."""
+    """Which of some pairs of a level reach above the horizon, by `reach` times the mean square extent.
+
+    `height`: how high their middles stand; `spreads`: covariances from the level's first surfel on.
+    """
     seen = height > 0
     low = np.flatnonzero(~seen)
-    vertex, node, depth = np.take(vertex, low), np.take(node, low), np.take(height, low)
+    vertex, node, depth = np.take(pairs.vertex, low), np.take(pairs.node, low), np.take(height, low)
     x, y, z = (np.take(own[i], vertex) for i in (3, 4, 5))
     xx, yy, zz, xy, xz, yz = (np.take(spread, node) for spread in spreads)
     # n' C n, as n . (C n)
     extent = x * (xx * x + 2 * (xy * y + xz * z)) + y * (yy * y + 2 * yz * z) + zz * z * z
     depth *= depth
-    seen[low] = depth <= extent * (1 + ROUNDING)
-    return seen
+    seen[low] = depth <= extent * np.float32(reach * (1 + ROUNDING))
+    return np.flatnonzero(seen)
