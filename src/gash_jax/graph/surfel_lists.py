@@ -29,7 +29,7 @@ WIDTHS = (24, 48, 96, 144, 256)
 # pairs that the network is given at a time, which stay in the cache together
 CALL = 16384
 # vertices at a time: fewer, and calls cost more than loops; more, and arrays leave the cache
-CHUNK = 2048
+CHUNK = 1024
 
 
 class SurfelList(NamedTuple):

@@ -89,6 +89,7 @@ def walk_tree(
     """
     count, found, start, close = own.shape[1], [], 0, NO_PAIRS
     total = np.zeros(count)
+    fourfold = np.repeat(own, FAN, axis=1).reshape(6, count, FAN)
     # indices as wide as NumPy's own, or it would convert them at every use
     vertex, family, reached = np.arange(count), np.zeros(count, np.int64), None
     for number, columns in enumerate(levels):
@@ -97,7 +98,7 @@ def walk_tree(
             looked = _importance(columns, [column[:, None] for column in own])
         else:  # loops over long rows are faster than over families
             near = [np.take(column, family, axis=0).reshape(-1) for column in columns]
-            looked = _importance(near, [np.repeat(np.take(column, vertex), FAN) for column in own])
+            looked = _importance(near, [np.take(column, vertex, axis=0).reshape(-1) for column in fourfold])
         importance, highest, height = (array.reshape(-1) for array in looked)
         if scale is not None:
             times = np.repeat(np.take(scale, vertex), width)
@@ -110,9 +111,9 @@ def walk_tree(
             weight *= 1 - opened
         above = np.ones(len(weight), np.float32) if reached is None else np.repeat(reached, width)
         weight *= above
-        total += np.bincount(vertex, weight.reshape(-1, width).sum(axis=1), count)
         kept = np.flatnonzero(weight > 0)
         level = Pairs(*_pairs(kept, vertex, family, width), np.take(weight, kept), np.take(importance, kept))
+        total += np.bincount(level.vertex, level.weight, count)
         if spreads is not None:
             level = level.some(_above_horizon(level, np.take(height, kept), own, [s[start:] for s in spreads]))
         found.append(level._replace(node=level.node + start))
