@@ -22,8 +22,8 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_items_are_made_once_and_read_back() -> None:
-    training, validation = split_indices(SMALL)
-    assert validation.tolist() == [0] and training.tolist() == [1, 2]
+    training, validation, broken = split_indices(SMALL)
+    assert validation.tolist() == [0] and training.tolist() == [1, 2] and not len(broken)
     seen: list[tuple[int, int]] = []
     indices = np.concatenate([training, validation])
     items = build_corpus(SMALL, 3, indices, lambda done, total: seen.append((done, total)))
@@ -46,6 +46,15 @@ def test_the_cache_name_depends_on_what_determines_the_labels() -> None:
         item_path(DataConfig(**{**vars(SMALL), "seed": 1}), 3, 0),
     }
     assert len(names) == 5
+
+
+def test_broken_shapes_come_after_all_others_and_do_not_depend_on_how_many_there_are() -> None:
+    two, four = (DataConfig(**{**vars(SMALL), "shapes": count, "broken_shapes": 2}) for count in (2, 4))
+    assert split_indices(two).broken.tolist() == [3, 4] and split_indices(four).broken.tolist() == [5, 6]
+    assert [item_path(two, 3, i) for i in (3, 4)] == [item_path(four, 3, i) for i in (5, 6)]
+    assert item_path(two, 3, 3) not in {item_path(four, 3, i) for i in range(5)}
+    items = build_corpus(two, 3, split_indices(two).broken)
+    assert [item.kind for item in items] == [make_shape(0, i, (200, 400), "broken")[0] for i in (0, 1)]
 
 
 def test_a_damaged_cache_file_is_made_again() -> None:

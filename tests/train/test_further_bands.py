@@ -70,19 +70,23 @@ def test_another_network_is_no_start(small: Path, tmp_path: Path) -> None:
     assert _start(_run(SMALL)) is None
 
 
-@pytest.mark.parametrize("validated", [True, False])
-def test_errors_are_learnt_on_the_validation_shapes(
-    validated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("validated", "unlike"), [(True, True), (True, False), (False, False)])
+def test_errors_are_learnt_on_shapes_to_validate_on_and_on_others_unlike_them(
+    validated: bool, unlike: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn = {}
+    drawn, held = {}, {}
 
     class Recorded:
-        def __init__(self, config: Any, objective: Any, draw: Any, *others: Any) -> None:
-            (drawn[objective.phase.name],) = np.unique(draw(64, 0, 0).coefficients[..., 0])
+        def __init__(self, config: Any, objective: Any, draw: Any, batches: Any, *others: Any) -> None:
+            drawn[objective.phase.name] = np.unique(draw(64, 0, 0).coefficients[..., 0]).tolist()
+            held[objective.phase.name] = np.unique([batch.coefficients[..., 0] for batch in batches]).tolist()
 
         def run(self, state: Any) -> Any:
             return state
 
     monkeypatch.setattr(loop, "PhaseRun", Recorded)
-    train_model(_run(LARGE), [_example(LARGE, 1.0)], [_example(LARGE, 2.0)] if validated else [], tmp_path)
-    assert drawn == {"coefficients": 1.0, "further": 1.0, "error": 2.0 if validated else 1.0}
+    shapes = [[_example(LARGE, 2.0)] if validated else [], [_example(LARGE, 3.0)] if unlike else []]
+    train_model(_run(LARGE), [_example(LARGE, 1.0)], shapes[0], tmp_path, unlike=shapes[1])
+    unseen = [2.0] * validated + [3.0] * unlike
+    assert drawn == {"coefficients": [1.0], "further": [1.0], "error": unseen or [1.0]}
+    assert held == {"coefficients": unseen[:1], "further": unseen[:1], "error": unseen}

@@ -69,9 +69,11 @@ def test_a_network_is_trained_on_them_and_tuned_further(folder: Path, tmp_path: 
 
 def test_generated_shapes_take_the_place_of_a_folder_that_is_not_named(folder: Path) -> None:
     few: dict[str, Any] = {"shapes": 2, "validation_shapes": 1, "rays": 8, "min_vertices": 150, "max_vertices": 200}
-    training, validation = training_items(replace(_run(folder), data=DataConfig(folder=str(folder), **few)))
+    training, validation, _ = training_items(replace(_run(folder), data=DataConfig(folder=str(folder), **few)))
     assert [item.kind for item in training] == ["a", "b"] and len(validation) == 1
-    training, validation = training_items(replace(_run(folder), data=DataConfig(validation_folder=str(folder), **few)))
+    training, validation, _ = training_items(
+        replace(_run(folder), data=DataConfig(validation_folder=str(folder), **few))
+    )
     assert len(training) == 2 and [item.kind for item in validation] == ["a", "b"]
 
 

@@ -4,7 +4,7 @@ Every kind is a recipe (generator, vertex count) -> surface. What real meshes di
 occlusion (limbs, furrows, cavities, plates, contact between parts), the tessellation (grids, Delaunay, marching
 cubes, local refinement, decimation, long thin triangles) and the pose (bent, twisted, tapered, any way up).
 Sources of the recipes: `organic`, `turned`, `mechanical`, `lattices`; `enclosed` for kinds dark inside, `drawn` for
-parts with as few vertices as drawing programs give them.
+parts with as few vertices as drawing programs give them. `broken` makes of all these what no network is trained on.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +15,7 @@ from jaxtyping import Float
 from gash_jax.algebra.arguments import WholeNumber, as_array, shown, whole_number
 from gash_jax.geometry.health import prepare_mesh
 from gash_jax.geometry.mesh import Mesh, RawMesh
+from gash_jax.shapes.broken import BROKEN, LOOSE
 from gash_jax.shapes.drawn import drilled, shaft, stacked
 from gash_jax.shapes.enclosed import figure, housing, layers, machine, mouth, skull
 from gash_jax.shapes.lattices import boxes, lattice, lattice_surface
@@ -114,8 +115,9 @@ ENCLOSED: dict[str, Recipe] = {
     "figure": figure,
 }
 DRAWN: dict[str, Recipe] = {"drilled": drilled, "shaft": shaft, "stacked": stacked}
+WHOLE = RECIPES | ENCLOSED | DRAWN
 ALL_KINDS = (*SHAPE_KINDS, *ENCLOSED, *DRAWN)
-CHOICES = {"base": SHAPE_KINDS, "all": ALL_KINDS}
+CHOICES = {"base": SHAPE_KINDS, "all": ALL_KINDS, "broken": tuple(BROKEN)}
 # without long flat fans and sharp rims, which moving vertices would tear
 SMOOTH_RECIPES = (blob, folded, displaced, limbs, cavity, bracket, superquadric, sheet)
 
@@ -144,10 +146,11 @@ def retessellated(recipe: Recipe, rng: np.random.Generator, target: int) -> RawM
 def shape_kind(seed: int, index: int, kinds: str = "base") -> str:
     """Kinds come in shuffled rounds: as many indices as there are kinds hold each once.
 
-    `kinds` is "base" for the SHAPE_KINDS or "all" for ALL_KINDS. Raises ValueError for anything else.
+    `kinds` is "base" for the SHAPE_KINDS, "all" for ALL_KINDS or "broken" for BROKEN. Raises ValueError for
+    anything else.
     """
     if not isinstance(kinds, str) or kinds not in CHOICES:
-        raise ValueError(f"kinds is {shown(kinds)}: use {' or '.join(CHOICES)}")
+        raise ValueError(f"kinds is {shown(kinds)}: use {', '.join(CHOICES)}")
     names = CHOICES[kinds]
     block, place = divmod(index, len(names))
     return names[int(np.random.default_rng([seed, 0, block]).permutation(len(names))[place])]
@@ -163,7 +166,8 @@ def make_shape(
 
     The vertex count is drawn log-uniformly from the range and met to about 30 %. Half of the shapes are turned
     freely, the others stand along the axes in one of 24 ways. `kinds` is "base" or "all", which has nine kinds more:
-    dark inside, or of few large faces. Raises ValueError for a range that is none and for other kinds.
+    dark inside, or of few large faces; or "broken", which is unlike all of them. Raises ValueError for a range that
+    is none and for other kinds.
 
     >>> kind, mesh = gash_jax.make_shape(0, 5, vertices=(200, 300))
     >>> mesh.faces.shape[1]
@@ -176,10 +180,16 @@ def make_shape(
     kind = shape_kind(seed, index, kinds)
     rng = np.random.default_rng([seed, 1, index])
     target = round(float(np.exp(rng.uniform(*np.log(span)))))
-    surface = retessellated((RECIPES | ENCLOSED | DRAWN)[kind], rng, target)
+    surface = _broken(kind, rng, target) if kind in BROKEN else retessellated(WHOLE[kind], rng, target)
     rotation = random_rotation(rng) if rng.random() < 0.5 else _axis_rotation(rng)
     mesh, _ = prepare_mesh(moved(surface, rotation).vertices.astype(np.float32), surface.faces.astype(np.int32))
     return kind, mesh
+
+
+def _broken(kind: str, rng: np.random.Generator, target: int) -> RawMesh:
+    """A whole shape of any kind, broken."""
+    recipe = WHOLE[ALL_KINDS[int(rng.integers(len(ALL_KINDS)))]]
+    return BROKEN[kind](rng, retessellated(recipe, rng, max(target // 6, 60) if kind in LOOSE else target))
 
 
 def _axis_rotation(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:

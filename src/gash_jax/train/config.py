@@ -39,6 +39,9 @@ class DataConfig:
 
     shapes: int = setting(96, "shapes to train on", least=1)
     validation_shapes: int = setting(8, "shapes to validate on", least=0)
+    broken_shapes: int = setting(
+        0, "shapes unlike those, torn and thrown about, to learn beside them what errors to expect", least=0
+    )
     seed: int = setting(0, "seed of the shapes", least=0)
     rays: int = setting(
         256,

@@ -13,6 +13,7 @@ import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int
@@ -38,10 +39,17 @@ LABEL_ROOMS = ("algebra", "geometry", "shapes", "prt")
 
 def item_path(data: DataConfig, bands: int, index: int, bounces: int = 0) -> Path:
     """Where the item lives in the cache."""
-    shape = (data.seed, data.kinds, data.min_vertices, data.max_vertices, index)
+    kinds, number = _kinds_and_number(data, index)
+    shape = (data.seed, kinds, data.min_vertices, data.max_vertices, number)
     parts = (*shape, data.rays, bands, bounces, source_hash(LABEL_ROOMS))
     name = hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
     return cache_folder() / "corpus" / f"{name}.npz"
+
+
+def _kinds_and_number(data: DataConfig, index: int) -> tuple[str, int]:
+    """Which kinds a shape is of, and its number among them: broken shapes come after all others."""
+    whole = data.validation_shapes + data.shapes
+    return (data.kinds, index) if index < whole else ("broken", index - whole)
 
 
 def build_item(data: DataConfig, bands: int, index: int, bounces: int = 0) -> Path:
@@ -50,9 +58,10 @@ def build_item(data: DataConfig, bands: int, index: int, bounces: int = 0) -> Pa
     if path.exists():
         return path
     path.parent.mkdir(parents=True, exist_ok=True)
-    kind, mesh = make_shape(data.seed, index, (data.min_vertices, data.max_vertices), data.kinds)
-    arrays = {**mesh._asdict(), **baked_labels(mesh, bands, data.rays, bounces, index)}
-    parts = {"kind": kind, "index": index, "seed": data.seed, "rays": data.rays}
+    kinds, number = _kinds_and_number(data, index)
+    kind, mesh = make_shape(data.seed, number, (data.min_vertices, data.max_vertices), kinds)
+    arrays = {**mesh._asdict(), **baked_labels(mesh, bands, data.rays, bounces, number)}
+    parts = {"kind": kind, "index": number, "seed": data.seed, "rays": data.rays}
     write_npz(path, arrays, {**parts, "sha256": arrays_hash(arrays)})
     return path
 
@@ -141,7 +150,16 @@ def _fault(path: Path, index: int) -> str:
     return ""
 
 
-def split_indices(data: DataConfig) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]]:
-    """Shape indices for training and for validation; a smaller corpus validates on the same shapes as a larger one."""
+class Split(NamedTuple):
+    """Shape indices; a smaller corpus validates on the same shapes as a larger one."""
+
+    training: Int[np.ndarray, "n"]
+    validation: Int[np.ndarray, "m"]
+    broken: Int[np.ndarray, "b"]
+
+
+def split_indices(data: DataConfig) -> Split:
+    """Which shapes of a corpus are for what."""
+    whole = data.validation_shapes + data.shapes
     validation = np.arange(data.validation_shapes)
-    return np.arange(data.shapes) + data.validation_shapes, validation
+    return Split(np.arange(data.shapes) + data.validation_shapes, validation, np.arange(data.broken_shapes) + whole)

@@ -64,19 +64,25 @@ def train_model(
     report: ReportFn | None = None,
     notify: Callable[[str], None] = lambda text: None,
     start: Any = None,
+    unlike: Sequence[Example] = (),
 ) -> Path:
     """Train (or continue) the run in `folder` and return the path of its model file.
 
-    `start` are parameters to begin with instead of random ones, or some of them. A finished run goes on if its budget
-    was raised. `notify` gets what a user should know. Raises ConfigError if the folder holds a run of another config or
-    no whole checkpoint, DivergenceError where the loss is not finite.
+    `start` are parameters to begin with instead of random ones, or some of them. From shapes `unlike` those that it is
+    trained on a network learns, beside those to validate on, what errors to expect. A finished run goes on if its
+    budget was raised. `notify` gets what a user should know. Raises ConfigError if the folder holds a run of another
+    config or no whole checkpoint, DivergenceError where the loss is not finite.
     """
     folder = Path(folder)
     open_folder(folder, config)
     put_together = family_of(config.model).batches
-    batches = put_together(validation).in_order(config.train.batch_vertices) if validation else []
+    held_out = [*validation, *unlike]
     draw = put_together(training).draw
-    draw_held_out = put_together(validation).draw if validation else draw
+    draw_held_out = put_together(held_out).draw if held_out else draw
+
+    def in_order(examples: Sequence[Example]) -> list[Batch]:
+        return put_together(examples).in_order(config.train.batch_vertices) if examples else []
+
     state = initial_state(config, draw(config.train.batch_vertices, config.train.seed, 0, 1))
     if start is not None:
         begun = unflatten_dict(flatten_dict(state.params) | flatten_dict(start))
@@ -90,6 +96,7 @@ def train_model(
         while state.phase < len(plan):
             objective = plan[state.phase]
             drawn = draw_held_out if objective.phase.held_out else draw
+            batches = in_order(held_out if objective.phase.held_out else validation)
             state = PhaseRun(config, objective, drawn, batches, folder, log, report).run(state)
             following = state.phase + 1
             error = state.best_error if following == len(plan) else float("inf")
@@ -98,7 +105,7 @@ def train_model(
                 params=state.best, best_error=error, optimizer=fresh, phase=following, step=0, elapsed=0.0
             )
     path, said = folder / "model.npz", dict[str, Any](validation=state.best_error)
-    if (bound := error_bound(config.model, state.best, validation)) is not None:
+    if (bound := error_bound(config.model, state.best, held_out)) is not None:
         said["bound"] = bound
     save_model(path, config.model, state.best, name=config.name, run=config.to_dict(), **said)
     return path

@@ -54,31 +54,35 @@ def run_config(
     if teacher is not None:
         _check_taught(config, teacher.config.bands)
     start = _start(config)
-    items, validation = training_items(config, progress)
-    examples = make_examples([*items, *validation], config.model)
+    items, validation, broken = training_items(config, progress)
+    examples = make_examples([*items, *validation, *broken], config.model)
     labelled, held_out = examples[: len(items)], examples[len(items) :]
     if teacher is not None:
         labelled = distilled(labelled, items, teacher)
-    return train_model(config, labelled, held_out, folder, report, notify, start), validation
+    known, unlike = held_out[: len(validation)], held_out[len(validation) :]
+    return train_model(config, labelled, known, folder, report, notify, start, unlike), validation
 
 
-def training_items(config: RunConfig, progress: Progress | None = None) -> tuple[list[Item], list[Item]]:
-    """Shapes with labels to train and to validate on: of folders where the config names them, else generated."""
+def training_items(config: RunConfig, progress: Progress | None = None) -> tuple[list[Item], list[Item], list[Item]]:
+    """Shapes with labels to train and to validate on, and broken ones.
+
+    The first two are of folders where the config names them, all others are generated.
+    """
     data, (bands, bounces) = config.data, labels_of(config.model)
-    generated = dict(zip(("folder", "validation_folder"), split_indices(data), strict=True))
-    wanted = [indices for name, indices in generated.items() if not getattr(data, name)]
-    corpus = build_corpus(data, bands, np.concatenate(wanted), progress, bounces=bounces) if wanted else []
+    sources = list(zip((data.folder, data.validation_folder, ""), split_indices(data), strict=True))
+    wanted = np.concatenate([indices for folder, indices in sources if not folder])
+    corpus = build_corpus(data, bands, wanted, progress, bounces=bounces)
     parts = []
-    for name, indices in generated.items():
-        if own := getattr(data, name):
-            parts.append(folder_items(own, data.rays, bands, progress, bounces=bounces))
+    for folder, indices in sources:
+        if folder:
+            parts.append(folder_items(folder, data.rays, bands, progress, bounces=bounces))
         else:
             parts.append(corpus[: len(indices)])
             corpus = corpus[len(indices) :]
     largest = max(len(item.mesh.vertices) for item in parts[0])
     if data.folder and family_of(config.model).batches is WholeShapes and largest >= config.train.batch_vertices:
         raise ConfigError(f"a mesh has {largest} vertices: set train.batch_vertices to more than that")
-    return parts[0], parts[1]
+    return parts[0], parts[1], parts[2]
 
 
 def _check_taught(config: RunConfig, bands: int) -> None:

@@ -33,8 +33,8 @@ def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet:
         check_writable(output, [config])
         check_picture(output)
     run = load_config(config, overrides)
-    training, validation = split_indices(run.data)
-    indices, (bands, bounces) = np.concatenate([validation, training]), labels_of(run.model)
+    split = split_indices(run.data)
+    indices, (bands, bounces) = np.concatenate([split.validation, split.training, split.broken]), labels_of(run.model)
     left = by_jobs(work, quiet)
     if left is None:
         return
@@ -47,7 +47,9 @@ def corpus(config: Path, overrides: tuple[str, ...], output: Path | None, quiet:
         say(f"shard {left.shard}: {len(own)} of {len(indices)} shapes are in the cache", quiet)
         return
     counts = [len(item.mesh.vertices) for item in items]
-    say(f"{len(training)} shapes to train on, {len(validation)} to validate: {sum(counts)} vertices", quiet)
+    broken = f", {len(split.broken)} broken" if len(split.broken) else ""
+    shapes = f"{len(split.training)} shapes to train on, {len(split.validation)} to validate{broken}"
+    say(f"{shapes}: {sum(counts)} vertices", quiet)
     say(f"  {min(counts)} to {max(counts)} vertices each, median {int(np.median(counts))}", quiet)
     kinds = Counter(item.kind for item in items)
     say("  " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())), quiet)

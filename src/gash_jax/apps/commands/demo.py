@@ -109,9 +109,9 @@ def _train_all(output: Path, seconds: float, quiet: bool) -> dict[str, Model]:
         digest = hashlib.sha256(json.dumps(config.to_dict()).encode()).hexdigest()[:8]
         folder = output / "runs" / f"{name}-{digest}"
         with progress_bar(f"corpus of {config.data.shapes} generated shapes", quiet) as corpus:
-            training, validation = split_indices(config.data)
+            split = split_indices(config.data)
             bands, bounces = labels_of(config.model)
-            build_corpus(config.data, bands, np.concatenate([training, validation]), corpus, bounces=bounces)
+            build_corpus(config.data, bands, np.concatenate(split), corpus, bounces=bounces)
         say(f"training {name} for {config.train.seconds:.0f} s", quiet)
         with progress_bar(f"training {name}", quiet) as update:
             report = lambda phase, fraction, measures, u=update: u(round(1000 * fraction), 1000)  # noqa: E731
