@@ -266,7 +266,8 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 FAN, TOP, LEAVES, MOST_PARTS, MOST_SLICES, MOST_SLICED = 4, 64, 8192, 8, 16, 32768
 LEAD_BITS, CURVE_BITS = 9, 30
-OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.11), np.float32(0.01), 128.0, 256
+OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.1), np.float32(0.01), 128.0, 256
+MIDDLE, TIPS = np.float32(0.6), np.float32(2.25)
 CLOSE, TOUCHING = np.float32(0.03), np.float32(1e-5)
 NEAR, TOGETHER = 8, 512  # near corners; vertices at a time, so that memory is bounded
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
@@ -443,48 +444,59 @@ def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndar
     return np.stack([*moments[:7], size, *adjugate, *moments[7:]], axis=1)
 
 
-def importance(surfel: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Of pairs: centroids and sizes (4, n) of surfels, positions and normals (6, n) of vertices."""
+def importance(surfel: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """i and j of pairs: centroids and sizes (4, n) of surfels, positions and normals (6, n) of vertices."""
     x, y, z = surfel[:3] - own[:3]
     s = surfel[3]
-    up = np.maximum(own[3] * x + own[4] * y + own[5] * z + np.float32(1.5) * s, 0)
+    height = own[3] * x + own[4] * y + own[5] * z
     square = x * x + y * y + z * z + s * s + np.float32(1e-12)
-    return np.minimum(up / np.sqrt(square), 1) * (s * s) / square
+    filled, far = s * s / square, np.sqrt(square)
+    middle, tips = (np.clip((rise * s + height) / far, 0, 1) * filled for rise in (MIDDLE, TIPS))
+    return middle, tips
 
 
-def list_pairs(tree: Tree, surfel: np.ndarray, own: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What is in the lists of some vertices: vertex, surfel, weight, importance; `scale` multiplies the importance."""
-    count, top = own.shape[1], tree.level_sizes[0]
+def list_pairs(tree: Tree, surfel: np.ndarray, own: np.ndarray, scale: np.ndarray) -> tuple[tuple, tuple]:
+    """What some vertices see: vertex, surfel, weight, importance; `scale` multiplies the importance.
+
+    And the leaves beside them: vertex, leaf, q.
+    """
+    count, top, leaves = own.shape[1], tree.level_sizes[0], sum(tree.level_sizes[:-1])
     vertex, node = np.repeat(np.arange(count), top), np.tile(np.arange(top), count)
-    reached: Any = np.float32(1)  # how far the surfels above a surfel are open
+    reached = np.ones(len(vertex), np.float32)  # how far the surfels above a surfel are open
     seen = [(vertex[:0], node[:0], scale[:0], scale[:0])]
+    beside = [(vertex[:0], node[:0], scale[:0])]
     while len(vertex):
-        weighty = importance(surfel[:, node], own[:, vertex]) * scale[vertex]
-        opened = np.clip(weighty * (1 / OPENING) - 1, 0, 1) * (tree.first_child[node] >= 0)
-        weight = np.clip(weighty * (1 / NEGLIGIBLE) - 1, 0, 1) * (1 - opened) * reached
+        middle, tips = (each * scale[vertex] for each in importance(surfel[:, node], own[:, vertex]))
+        opened = np.clip(tips * (1 / OPENING) - 1, 0, 1) * (tree.first_child[node] >= 0)
+        weight = np.clip(middle * (1 / NEGLIGIBLE) - 1, 0, 1) * (1 - opened) * reached
+        near = (node >= leaves) & (tips > CLOSE)
+        q = np.minimum(tips * (1 / CLOSE) - 1, 1) * np.minimum(4 * reached, 1)
+        beside.append((vertex[near], node[near] - leaves, q[near]))
         opened = opened * reached
         kept, parents = weight > 0, opened > 0
-        seen.append((vertex[kept], node[kept], weight[kept], weighty[kept]))
+        seen.append((vertex[kept], node[kept], weight[kept], middle[kept]))
         vertex, reached = np.repeat(vertex[parents], FAN), np.repeat(opened[parents], FAN)
         node = (tree.first_child[node[parents]][:, None] + np.arange(FAN)).reshape(-1)
-    return tuple(np.concatenate(parts) for parts in zip(*seen, strict=True))
+    together = (tuple(np.concatenate(parts) for parts in zip(*rows, strict=True)) for rows in (seen, beside))
+    return next(together), next(together)
 
 
 def list_surfels(
     tree: Tree, records: np.ndarray, points: np.ndarray, normals: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The list of each vertex, the most important first: rows of `records`, their weights and importance, (v, n).
+) -> tuple[np.ndarray, np.ndarray, tuple]:
+    """The list of each vertex, the most important first: rows of `records` and their weights, (v, n).
 
-    Lists are filled up to the length of the longest, with the empty record and weight 0.
+    Lists are filled up to the length of the longest, with the empty record and weight 0. Last the leaves beside the
+    vertices: vertex, leaf, q.
     """
     size = np.where(records[:, 6] > 0, records[:, 7], 0)  # without area nothing is important
     surfel = np.stack([*records[:, :3].T, size])
     own = np.concatenate([points, normals], axis=1, dtype=np.float32).T
     count = len(points)
-    pairs = list_pairs(tree, surfel, own, np.ones(count, np.float32))
+    pairs, beside = list_pairs(tree, surfel, own, np.ones(count, np.float32))
     total = np.bincount(pairs[0], pairs[2], count)
     crowded = np.flatnonzero(total > FULL)
-    again = list_pairs(tree, surfel, own[:, crowded], (FULL / total[crowded]).astype(np.float32))
+    again, _ = list_pairs(tree, surfel, own[:, crowded], (FULL / total[crowded]).astype(np.float32))
     calm = total[pairs[0]] <= FULL
     again = (crowded[again[0]], *again[1:])
     vertex, node, weight, weighty = (np.concatenate([a[calm], b]) for a, b in zip(pairs, again, strict=True))
@@ -496,28 +508,23 @@ def list_surfels(
     seen = (height > 0) | (height * height <= np.float32(1.0001) * extent)
     vertex, node, weight, weighty = vertex[seen], node[seen], weight[seen], weighty[seen]
     order = np.lexsort((-weighty, vertex))
-    vertex, node, weight, weighty = vertex[order], node[order], weight[order], weighty[order]
+    vertex, node, weight = vertex[order], node[order], weight[order]
     found = np.bincount(vertex, minlength=count)
     rank = np.arange(len(vertex)) - np.repeat(np.cumsum(found) - found, found)
     fits, length = rank < LONGEST, min(max(found.max(), 1), LONGEST)
-    table, told = np.full((count, length), len(records) - 1), np.zeros((2, count, length), np.float32)
-    table[vertex[fits], rank[fits]] = node[fits]
-    told[:, vertex[fits], rank[fits]] = weight[fits], weighty[fits]
-    return table, told[0], told[1]
+    table, told = np.full((count, length), len(records) - 1), np.zeros((count, length), np.float32)
+    table[vertex[fits], rank[fits]], told[vertex[fits], rank[fits]] = node[fits], weight[fits]
+    return table, told, beside
 
 
 def cover(
-    tree: Tree, faces: np.ndarray, points: np.ndarray, own: np.ndarray, normals: np.ndarray, lists: tuple
+    tree: Tree, faces: np.ndarray, points: np.ndarray, own: np.ndarray, normals: np.ndarray, beside: tuple
 ) -> np.ndarray:
-    """(n, 3): what the faces right beside the vertices `own` cover, from their lists (`list_surfels`)."""
-    table, weight, weighty = lists
-    leaf = table - sum(tree.level_sizes[:-1])
-    close = (leaf >= 0) & (leaf < len(tree.face)) & (weighty > CLOSE)
-    vertex, place = np.nonzero(close)
-    leaf = leaf[vertex, place]
+    """(n, 3): what the faces right beside the vertices `own` cover; `beside` as `list_surfels` gives it."""
+    vertex, leaf, q = beside
     corner = faces[tree.face[leaf]]
     other = (corner != own[vertex, None]).all(axis=1)  # a vertex sees its own faces edge-on
-    vertex, place, leaf, corner = vertex[other], place[other], leaf[other], corner[other]
+    vertex, leaf, q, corner = vertex[other], leaf[other], q[other], corner[other]
     up = normals[vertex]
     r = PIECES[tree.piece[leaf]] @ (points[corner] - points[own[vertex], None])
     crosses, length = np.cross(r, np.roll(r, -1, axis=1)), lambda x: np.sqrt((x * x).sum(-1) + np.float32(1e-20))
@@ -527,7 +534,6 @@ def cover(
     away = (face * r[:, 0]).sum(-1) / length(face)
     towards = away / np.sqrt(away * away + TOUCHING * TOUCHING)
     above = np.maximum((f * up).sum(-1) / length(f) * towards, 0) * towards
-    q = np.minimum(4 * weight[vertex, place], 1) * np.minimum(weighty[vertex, place] * (1 / CLOSE) - 1, 1)
     found = np.zeros((len(own), 3), np.float32)
     np.add.at(found, vertex, ((q * above)[:, None] * f).astype(np.float32))
     return found
@@ -795,9 +801,9 @@ def surfel_net(
         own = alone[start : start + TOGETHER]
         place, facing, seen_from = points[own], normals[own], corners[own]
         near = np.concatenate([points[seen_from] - place[:, None], normals[seen_from]], axis=-1)
-        lists = list_surfels(tree, records, place, facing)
-        beside = cover(tree, faces, points, own, facing, lists)
-        found = encode(model.arrays, records[lists[0]], lists[1], place, facing, near, beside)
+        table, weight, beside = list_surfels(tree, records, place, facing)
+        covered = cover(tree, faces, points, own, facing, beside)
+        found = encode(model.arrays, records[table], weight, place, facing, near, covered)
         coefficients[:, own], errors[:, own] = decode(model, *found, facing, bounces)
     return coefficients[:, first], errors[:, first]
 

@@ -112,12 +112,12 @@ def _surfels() -> tuple[np.ndarray, gash.Tree, np.ndarray]:
 def _read() -> tuple[np.ndarray, ...]:
     """What `local` reads of the vertex, as `gash.encode` takes it; and the rows of its list."""
     (_, tree, records), units, one = _surfels(), _units()[1], slice(VERTEX, VERTEX + 1)
-    lists = gash.list_surfels(tree, records, units[one], NORMALS[one])
+    table, weight, beside = gash.list_surfels(tree, records, units[one], NORMALS[one])
     faces = gash.outward_faces(VERTICES, NORMALS, FACES)
-    beside = gash.cover(tree, faces, units, np.array([VERTEX]), NORMALS[one], lists)
-    corners, (table, weight, _) = gash.corner_table(faces, 4)[VERTEX], lists
+    covered = gash.cover(tree, faces, units, np.array([VERTEX]), NORMALS[one], beside)
+    corners = gash.corner_table(faces, 4)[VERTEX]
     near = np.concatenate([units[corners] - units[VERTEX], NORMALS[corners]], axis=1)
-    return records[table], weight, units[one], NORMALS[one], near[None], beside, table
+    return records[table], weight, units[one], NORMALS[one], near[None], covered, table
 
 
 def surfels() -> Rows:

@@ -93,15 +93,14 @@ def test_it_turns_and_adds_up() -> None:
 
 
 def test_what_is_close() -> None:
-    importance = np.array([0.5, 1.0, 1.5, 3.0], np.float32) * CLOSE
-    level = Pairs(np.arange(4), 10 + np.arange(4), np.array([1, 1, 0.3, 0.1], np.float32), importance)
-    found = close_pairs(7, 10, level)
-    np.testing.assert_array_equal(found.vertex, [9, 10])
-    np.testing.assert_array_equal(found.leaf, [2, 3])
-    np.testing.assert_allclose(found.weight, [0.5, 0.4], rtol=1e-5)
-    assert not len(close_pairs(7, 11, level).vertex)  # no leaves
+    importance = np.array([1.2, 1.0, 1.5, 3.0], np.float32) * CLOSE
+    beside = Pairs(np.arange(4), 20 + np.arange(4), np.array([1, 1, 0.3, 0.1], np.float32), importance)
+    found = close_pairs(7, beside)
+    np.testing.assert_array_equal(found.vertex, [7, 8, 9, 10])
+    np.testing.assert_array_equal(found.leaf, [20, 21, 22, 23])
+    np.testing.assert_allclose(found.weight[1:], [0, 0.5, 0.4], atol=1e-5)
     joined = joined_pairs([found, found])
-    np.testing.assert_array_equal(joined.vertex, [9, 10, 9, 10])
+    np.testing.assert_array_equal(joined.vertex, [7, 8, 9, 10, 7, 8, 9, 10])
 
 
 def test_a_vertex_is_not_covered_by_its_own_faces() -> None:

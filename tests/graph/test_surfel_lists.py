@@ -6,6 +6,7 @@ import pytest
 from gash_jax.geometry.mesh import Mesh, transform
 from gash_jax.graph import surfel_lists
 from gash_jax.graph.surfel_lists import WIDTHS, SurfelList, call_size, list_surfels
+from gash_jax.graph.surfel_walk import MIDDLE, TIPS
 from gash_jax.graph.surfels import FAN, surfel_records
 from gash_jax.shapes.primitives import icosphere
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
@@ -13,14 +14,15 @@ from tests.helpers.surfel_cases import SurfelCase, bumpy_case, dense_weights, im
 
 
 def test_one_surfel_by_hand() -> None:
-    """Size 1 at distance 2 straight above: i = 1/5 * min((2 + 1.5) / sqrt 5, 1) = 0.2, opened 0.2 / 0.11 - 1 = 9/11."""
+    """Size 1 at distance 2.5 straight above: r² = 7.25, g = i = j = 1 / 7.25, opened g / 0.1 - 1."""
     record = np.zeros(20)
-    record[[2, 6, 7]] = 2, 1, 1
-    up, flat = np.array([0.0, 0, 1]), np.array([1.0, 0, 0])
-    assert importance_of(record, np.zeros(3), up) == pytest.approx(0.2)
-    # seen at the level of the horizon it stands 1.5 high, from above it not at all
-    assert importance_of(record, np.zeros(3), flat) == pytest.approx(0.2 * 1.5 / np.sqrt(5))
-    assert importance_of(record, np.zeros(3), -up) == 0
+    record[[2, 6, 7]] = 2.5, 1, 1
+    up, flat, g = np.array([0.0, 0, 1]), np.array([1.0, 0, 0]), 1 / 7.25
+    assert importance_of(record, np.zeros(3), up) == importance_of(record, np.zeros(3), up, TIPS) == pytest.approx(g)
+    # at the level of the horizon its middle is looked at 0.6 high and its tips 2.25, from above it not at all
+    for rise in (MIDDLE, TIPS):
+        assert importance_of(record, np.zeros(3), flat, rise) == pytest.approx(g * float(rise) * np.sqrt(g))
+        assert importance_of(record, np.zeros(3), -up, rise) == 0
     positions = np.zeros((3, 3), np.float32)
     tree = bumpy_case().plan.tree._replace(
         level_sizes=(1, FAN), first_child=np.array([1, *[-1] * FAN], np.int32), face=np.zeros(FAN, np.int32)
@@ -31,9 +33,10 @@ def test_one_surfel_by_hand() -> None:
     (part,) = [part for part in lists if len(part.vertices)]
     table, weight = part.table[np.argsort(part.vertices)], part.weight[np.argsort(part.vertices)]
     np.testing.assert_array_equal(table[0, :3], [0, 1, 1 + FAN])
-    np.testing.assert_allclose(weight[0, :3], [2 / 11, 9 / 11, 0], rtol=1e-5)
-    # at the horizon importance 0.134, opened 0.134 / 0.11 - 1
-    np.testing.assert_allclose(weight[1, 0], 2 - 0.3 / np.sqrt(5) / 0.11, rtol=1e-5)
+    np.testing.assert_allclose(weight[0, :3], [2 - 10 * g, 10 * g - 1, 0], rtol=1e-5)
+    # at the horizon 0.115 by its tips, opened 0.115 / 0.1 - 1; by its middle 0.031, more than twice what is negligible
+    opened = 22.5 * g**1.5 - 1
+    np.testing.assert_allclose(weight[1, :3], [1 - opened, opened, 0], rtol=1e-5)
     assert not weight[2].any() and np.all(table[2] == 1 + FAN)
 
 
@@ -83,7 +86,7 @@ def test_every_vertex_is_in_one_list_of_its_width_filled_with_the_empty_surfel(
     lists = case.lists()
     np.testing.assert_array_equal(np.sort(np.concatenate([part.vertices for part in lists])), np.arange(300))
     widest = max(part.table.shape[1] for part in lists if len(part.vertices))
-    empty, narrower, left = len(case.records) - 1, 0, 0
+    empty, narrower, left = len(case.records) - 1, -1, 0
     assert not case.records[empty].any()
     for width, (vertices, table, weight) in zip(WIDTHS, lists, strict=True):
         assert table.shape == weight.shape == (len(vertices), width)

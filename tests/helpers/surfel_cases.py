@@ -8,7 +8,7 @@ import numpy as np
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfel_lists import SurfelList, list_surfels
-from gash_jax.graph.surfel_walk import NEGLIGIBLE, OPENING
+from gash_jax.graph.surfel_walk import MIDDLE, NEGLIGIBLE, OPENING, TIPS
 from gash_jax.graph.surfels import FAN
 from tests.helpers.bumpy import bumpy_mesh
 
@@ -53,13 +53,13 @@ def dense_weights(case: SurfelCase, lists: tuple[SurfelList, ...]) -> np.ndarray
     return dense
 
 
-def importance_of(record: np.ndarray, position: np.ndarray, normal: np.ndarray) -> float:
-    """The formula of the module's docstring for one surfel and one vertex."""
+def importance_of(record: np.ndarray, position: np.ndarray, normal: np.ndarray, rise: float = MIDDLE) -> float:
+    """i of the module's docstring for one surfel and one vertex, or with `rise` = TIPS j."""
     if not record[6] > 0:
         return 0.0
     offset, s = record[:3] - position, record[7]
     length = np.sqrt(offset @ offset + s**2)
-    return (s / length) ** 2 * min(max((normal @ offset + 1.5 * s) / length, 0.0), 1.0)
+    return float((s / length) ** 2 * min(max((normal @ offset + float(rise) * s) / length, 0.0), 1.0))
 
 
 def walked_list(
@@ -71,8 +71,9 @@ def walked_list(
     while waiting:
         node, above = waiting.pop()
         child = int(case.plan.tree.first_child[node])
-        i = scale * importance_of(case.records[node].astype(np.float64), position.astype(float), normal.astype(float))
-        opened = min(max(i / float(OPENING) - 1, 0.0), 1.0) if child >= 0 else 0.0
+        pair = case.records[node].astype(np.float64), position.astype(float), normal.astype(float)
+        i, j = (scale * importance_of(*pair, rise) for rise in (MIDDLE, TIPS))
+        opened = min(max(j / float(OPENING) - 1, 0.0), 1.0) if child >= 0 else 0.0
         weights[node] = above * (1 - opened) * min(max(i / float(NEGLIGIBLE) - 1, 0.0), 1.0)
         importances[node] = i
         if opened > 0:

@@ -13,9 +13,10 @@ triangle, the faces' sum
 
     cover = sum_j q_j max(f_j . n / |f_j|, 0) f_j / pi
 
-leaves out what lies below the horizon. With i the importance of `surfel_walk` and w the weight of a face in the list,
-q = min(SOON w, 1) clip(i / CLOSE - 1, 0, 1) is 0 from afar and continuous. The faces of which a vertex is itself a
-corner are seen edge-on and cover nothing.
+leaves out what lies below the horizon. With j the importance of `surfel_walk` and p the product of `open` over all
+surfels above the face, q = min(SOON p, 1) clip(j / CLOSE - 1, 0, 1) is 0 from afar and continuous. A face counts by
+what stands highest in it, whether or not its middle is seen: where it crosses the horizon, that is what covers. The
+faces of which a vertex is itself a corner are seen edge-on and cover nothing.
 """
 
 from collections.abc import Sequence

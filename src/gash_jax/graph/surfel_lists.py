@@ -6,7 +6,7 @@ list is a cut through the tree with soft edges (`surfel_walk`).
 Deep in narrow gaps lists would be long. Where the weights add up to a total of more than FULL, the list is made anew
 with importance times FULL / total: it is coarser, and as the total is continuous, so are its weights.
 
-Of the leaves in the lists, those right beside their vertex are told apart (`surfel_cover`).
+The leaves right beside a vertex are told apart (`surfel_cover`).
 
 Lists are padded to one of WIDTHS with surfels of weight 0, and vertices with lists of one width lie together. What the
 network is given at a time is about CALL pairs; vertices that would be but a part of that go to the next width. A list
@@ -47,7 +47,7 @@ def list_surfels(
     normals: Float[np.ndarray, "v 3"],
     moves: bool = False,
 ) -> tuple[tuple[SurfelList, ...], ClosePairs]:
-    """The lists of all vertices, one entry for each of WIDTHS, and the leaves in them that are close.
+    """The lists of all vertices, one entry for each of WIDTHS, and the leaves that are close.
 
     The empty last row of `records` fills what is left of a list. What is below the horizon now is kept if the mesh
     `moves`.
