@@ -29,6 +29,11 @@ def _total_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Ar
     return total_of(primals[0]), jnp.sum(tangents[0], axis=-1)
 
 
+def weighted_total(weight: Float[Array, "v n"], x: Float[Array, "c v n"]) -> Float[Array, "c v"]:
+    """Sum over the last axis of several arrays, weighted alike: as products of matrices and vectors."""
+    return jnp.einsum("cvn,vn->cv", x, weight, precision="highest")
+
+
 @jax.custom_jvp
 def most_of(x: Float[Array, "... n"]) -> Float[Array, "..."]:
     """Maximum over the last axis; ties share its gradient."""

@@ -58,7 +58,7 @@ from gash_jax.algebra.sh import MAX_BANDS
 from gash_jax.algebra.sh_rotation import rotate_coefficients
 from gash_jax.files.settings import setting
 from gash_jax.nn.config import ModelConfig
-from gash_jax.nn.pooling import most_of, total_of
+from gash_jax.nn.pooling import most_of, total_of, weighted_total
 from gash_jax.nn.surfel_pairs import Part, Parts, fourth_root, look
 
 BASE = 3
@@ -188,7 +188,7 @@ class SurfelNet(nn.Module):
         """What is pooled for every vertex, its frame, and how much stands above its tangent plane."""
         seen = look(part)
         h, g = self.surfel(seen.features), self.near(seen.near)
-        pooled = [total_of(weight[None] * h) for weight in (seen.above, seen.partly)]
+        pooled = [weighted_total(weight, h) for weight in (seen.above, seen.partly)]
         pooled += [jnp.sum(g, axis=1) / g.shape[1], jnp.max(g, axis=1)]
         total = total_of(seen.above)
         pooled += [jnp.stack([total, most_of(seen.above), fourth_root(seen.edge), *seen.cover])]
