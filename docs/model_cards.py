@@ -24,8 +24,8 @@ WHAT = {
 LIMITS = {
     "local": "Knows nothing of what is smaller than its surfels (of which a vertex reads 256 at most), nor of holes "
     "between them; soups of loose triangles are its weakest. `predicted_error` is an expectation over "
-    "shapes like those of the corpus, and the bound made of it was found on such shapes: the results say how many "
-    "vertices of other meshes keep it.",
+    "shapes like those of the corpus and over such as were broken on purpose, and the bound made of it was found on these: "
+    "the results say how many vertices of other meshes keep it.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "
     "another orientation of the same mesh gets other coefficients.",
     "two-stage": "Sees 16 nearest neighbours a layer, so nothing far: where shadows come from afar it can be much "

@@ -178,6 +178,8 @@ def test_a_model_predicts_bounces_off_one_albedo() -> None:
         model.predict(mesh, bounces=3, albedo=0.5)
     with pytest.raises(ValueError, match="one albedo"):
         model.predict(mesh, bounces=1, albedo=np.linspace(0, 1, len(mesh.vertices)))
+    with pytest.raises(ValueError, match="give bounces=1"):
+        model.predict(mesh, albedo=0.5)
     none = Model(model_config("local", channels=8), {})
     with pytest.raises(ValueError, match="model local knows none"):
         none.predict(mesh, bounces=1, albedo=0.5)

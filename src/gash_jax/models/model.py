@@ -137,12 +137,15 @@ class Model:
         """Predict the transfer of a mesh; vertices without a usable normal get 0, as in a bake.
 
         `bounces` of light off surfaces of one albedo, a number or a colour (3,), which gives coefficients (v, k, 3):
-        of `local`, which knows two. Raises ValueError for more than the network knows, and for an albedo that is none.
+        of `local`, which knows two. Raises ValueError for more than the network knows, for an albedo that is none, and
+        for one without bounces.
         """
         mesh, seed = as_mesh(mesh), whole_number(seed, "seed", 0)
         bounces, known = whole_number(bounces, "bounces", 0), labels_of(self.config)[1]
         if bounces > known:
             raise ValueError(f"bounces={bounces}: model {self.config.name} knows {known or 'none'}; bake them instead")
+        if albedo is not None and not bounces:
+            raise ValueError("an albedo says how much of the light bounces: give bounces=1 or more with it")
         colour = checked_albedo(albedo, len(mesh.vertices)) if bounces else None
         if colour is not None and np.any(colour != colour[:1]):
             raise ValueError("a network knows bounces off one albedo: give a number or a colour, or bake them instead")
