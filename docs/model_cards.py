@@ -24,7 +24,7 @@ WHAT = {
 LIMITS = {
     "local": "Knows nothing of what is smaller than its surfels (of which a vertex reads 256 at most), nor of holes "
     "between them; soups of loose triangles are its weakest. `predicted_error` is an expectation over "
-    "shapes like those of the corpus and over such as were broken on purpose, and the bound made of it was found on these: "
+    "shapes like those of the corpus and such as were broken on purpose, and the bound made of it was found on these: "
     "the results say how many vertices of other meshes keep it.",
     "mlp": "Sees no occluder: what it knows is the corpus' average shadow at a place and a normal. Not equivariant: "
     "another orientation of the same mesh gets other coefficients.",
