@@ -88,7 +88,7 @@ def test_no_surfel_stands_below_another_of_full_weight() -> None:
     def is_closed(node: int, vertex: int) -> bool:
         own = case.positions[vertex].astype(float), case.normals[vertex].astype(float)
         inner = case.plan.tree.first_child[node] >= 0
-        return not inner or importance_of(case.records[node].astype(float), *own, TIPS) < OPENING
+        return not inner or importance_of(case.records[node].astype(float), *own, TIPS) < float(OPENING)
 
     total, above = dense.copy(), parent.copy()
     while np.any(above >= 0):

@@ -53,7 +53,9 @@ def dense_weights(case: SurfelCase, lists: tuple[SurfelList, ...]) -> np.ndarray
     return dense
 
 
-def importance_of(record: np.ndarray, position: np.ndarray, normal: np.ndarray, rise: float = MIDDLE) -> float:
+def importance_of(
+    record: np.ndarray, position: np.ndarray, normal: np.ndarray, rise: float | np.floating = MIDDLE
+) -> float:
     """i of the module's docstring for one surfel and one vertex, or with `rise` = TIPS j."""
     if not record[6] > 0:
         return 0.0
