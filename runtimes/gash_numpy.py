@@ -468,7 +468,7 @@ def list_pairs(tree: Tree, surfel: np.ndarray, own: np.ndarray, scale: np.ndarra
     while len(vertex):
         middle, tips = (each * scale[vertex] for each in importance(surfel[:, node], own[:, vertex]))
         opened = np.clip(tips * (1 / OPENING) - 1, 0, 1) * (tree.first_child[node] >= 0)
-        weight = np.clip(middle * (1 / NEGLIGIBLE) - 1, 0, 1) * (1 - opened) * reached
+        weight = np.clip(middle * (1 / NEGLIGIBLE) - 1, 0, 1) * (reached * (1 - opened))
         near = (node >= leaves) & (tips > CLOSE)
         q = np.minimum(tips * (1 / CLOSE) - 1, 1) * np.minimum(4 * reached, 1)
         beside.append((vertex[near], node[near] - leaves, q[near]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gash_jax.geometry.mesh import Mesh, transform
-from gash_jax.graph import surfel_lists
+from gash_jax.graph import surfel_lists, surfel_walk
 from gash_jax.graph.surfel_lists import WIDTHS, SurfelList, call_size, list_surfels
 from gash_jax.graph.surfel_walk import MIDDLE, TIPS
 from gash_jax.graph.surfels import FAN, surfel_records
@@ -120,6 +120,7 @@ def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.Mon
 
 
 def test_crowded_lists_are_made_anew_with_less_importance(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surfel_walk, "MIDDLE", TIPS)  # what is below the horizon is in the total by its middle
     case, full = bumpy_case(), 30.0
     before = dense_weights(case, case.lists())
     assert before.sum(axis=1).max() < surfel_lists.FULL  # no list of this mesh is crowded as it is
@@ -155,15 +156,15 @@ def test_lists_do_not_change_when_the_mesh_is_moved() -> None:
 
 
 def test_of_a_sphere_less_is_seen_than_of_bumps() -> None:
-    """What is below the horizon is left out; a sphere is all below it, but for what reaches above it nearby."""
+    """What is below the horizon is left out; a sphere is all below it, but for faces as flat as rounding."""
 
     def seen(case: SurfelCase) -> np.ndarray:
         """Share of the mesh's area that every vertex has in its list."""
-        area = dense_weights(case, case.lists()) @ case.records[:, 6]
+        area = dense_weights(case, case.lists(moves=False)) @ case.records[:, 6]
         return area / case.records[: case.plan.tree.level_sizes[0], 6].sum()
 
     sphere, bumpy = seen(surfel_case(icosphere(3))), seen(bumpy_case())
-    assert 0 < np.median(sphere) < 0.7 * np.median(bumpy)
+    assert np.median(sphere) == 0 and sphere.max() < 0.1 * np.median(bumpy)
     assert bumpy.max() < 1 + 1e-5
 
 
@@ -177,9 +178,9 @@ def test_what_is_wholly_below_the_horizon_is_left_out_of_a_mesh_that_does_not_mo
     spread = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
     reach = np.sqrt(np.maximum(np.einsum("pi,pij,pj->p", normal, spread, normal), 0))
     kept = seen[vertex, node] > 0
-    # what is left has its weight, and what is gone reaches no higher than the horizon
+    # what is left has its weight, and what is gone reaches no higher than the horizon; it is there if the mesh moves
     np.testing.assert_array_equal(seen[vertex, node][kept], whole[vertex, node][kept])
-    assert np.count_nonzero(seen) == np.count_nonzero(kept) and 0.2 < np.mean(kept) < 0.8
+    assert np.count_nonzero(seen) == np.count_nonzero(kept) and 0.1 < np.mean(kept) < 0.8
     assert np.all((height + reach)[~kept] < 1e-6) and np.all((height + 1.001 * reach)[kept] > -1e-6)
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gash_jax.geometry.mesh import Mesh
+from gash_jax.graph import surfel_walk
 from gash_jax.graph.surfel_graph import SurfelPlan, normalised, plan_surfels
 from gash_jax.graph.surfel_lists import SurfelList, list_surfels
 from gash_jax.graph.surfel_walk import MIDDLE, NEGLIGIBLE, OPENING, TIPS
@@ -64,17 +65,28 @@ def importance_of(
     return float((s / length) ** 2 * min(max((normal @ offset + float(rise) * s) / length, 0.0), 1.0))
 
 
+def is_below_horizon(record: np.ndarray, position: np.ndarray, normal: np.ndarray) -> bool:
+    """Whether a surfel's mean extent does not reach above the horizon of a vertex."""
+    xx, yy, zz, xy, xz, yz = record[14:]
+    spread = normal @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ normal
+    return bool((record[:3] - position) @ normal + np.sqrt(max(spread, 0)) <= 0)
+
+
 def walked_list(
     case: SurfelCase, position: np.ndarray, normal: np.ndarray, scale: float = 1.0
 ) -> tuple[Weights, Weights]:
-    """Weight and importance of everything that a vertex sees, in float64; `scale` multiplies the importance."""
+    """Weight and importance of everything that a vertex sees, in float64; `scale` multiplies the importance.
+
+    Of what is wholly below the horizon the importance is j, as in lists of a mesh that moves.
+    """
     weights, importances = {}, {}
     waiting = [(node, 1.0) for node in range(case.plan.tree.level_sizes[0])]
     while waiting:
         node, above = waiting.pop()
         child = int(case.plan.tree.first_child[node])
         pair = case.records[node].astype(np.float64), position.astype(float), normal.astype(float)
-        i, j = (scale * importance_of(*pair, rise) for rise in (MIDDLE, TIPS))
+        low = is_below_horizon(*pair)
+        i, j = (scale * importance_of(*pair, rise) for rise in (TIPS if low else surfel_walk.MIDDLE, TIPS))
         opened = min(max(j / float(OPENING) - 1, 0.0), 1.0) if child >= 0 else 0.0
         weights[node] = above * (1 - opened) * min(max(i / float(NEGLIGIBLE) - 1, 0.0), 1.0)
         importances[node] = i

@@ -53,14 +53,14 @@ def list_surfels(
     `moves`.
     """
     levels = families(tree, records)
-    spreads = None if moves else [np.ascontiguousarray(records[:, i]) for i in range(14, 20)]
+    spreads = [np.ascontiguousarray(records[:, i]) for i in range(14, 20)]
     own = np.ascontiguousarray(np.concatenate([positions, normals], axis=1, dtype=np.float32).T)
     workers, count = available_cores(), own.shape[1]
     shares = workers * max(-(-count // (workers * CHUNK)), 1)
     size = max(-(-count // shares), 1)
     starts = range(0, count, size)
     with ThreadPoolExecutor(workers) as pool:  # no vertex knows of another, and NumPy lets go of the interpreter
-        found = list(pool.map(lambda start: _lists(levels, own[:, start : start + size], spreads), starts))
+        found = list(pool.map(lambda start: _lists(levels, own[:, start : start + size], spreads, moves), starts))
         lengths = np.concatenate([lengths for lengths, _, _ in found] or [np.zeros(0, np.int64)])
         bucket = _buckets(lengths)
         width = np.array(WIDTHS)[bucket]
@@ -110,14 +110,15 @@ def _buckets(lengths: np.ndarray) -> np.ndarray:
 
 
 def _lists(
-    levels: list[list[np.ndarray]], own: np.ndarray, spreads: list[np.ndarray] | None
+    levels: list[list[np.ndarray]], own: np.ndarray, spreads: list[np.ndarray], moves: bool
 ) -> tuple[np.ndarray, list[Pairs], Pairs]:
     """Lengths of the lists of some vertices, level by level what is in them, and the leaves beside them."""
-    found, close, total = walk_tree(levels, own, spreads)
+    found, close, total = walk_tree(levels, own, spreads, moves)
     crowded = np.flatnonzero(total > FULL)
     if len(crowded):
         # what is beside a vertex stays
-        again, _, _ = walk_tree(levels, own[:, crowded], spreads, (FULL / total[crowded]).astype(np.float32))
+        scale = (FULL / total[crowded]).astype(np.float32)
+        again, _, _ = walk_tree(levels, own[:, crowded], spreads, moves, scale)
         calm = [level.some(np.flatnonzero(np.take(total, level.vertex) <= FULL)) for level in found]
         found = [*calm, *(level._replace(vertex=np.take(crowded, level.vertex)) for level in again)]
     return np.sum([np.bincount(level.vertex, minlength=own.shape[1]) for level in found], axis=0), found, close

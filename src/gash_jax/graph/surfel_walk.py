@@ -19,8 +19,8 @@ is a ratio of lengths: moving, turning or scaling the mesh changes nothing.
 A surfel is opened for what may stand highest in it: at the tip of a nose or between two toes most of the surface around
 lies behind the vertex, and the middle of a surfel tells nothing of the small part of it that stands above. Much of what
 is found still lies wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The
-network gives it the weight 0 in all sums, so that to leave it out changes nothing (`_above_horizon`) - unless the mesh
-deforms, and what lies in the tangent plane rises out of it.
+network gives it the weight 0 in all sums, so that to leave it out changes nothing - unless the mesh
+deforms, and what lies in the tangent plane rises out of it: there it stays, and its `seen` is made of j.
 """
 
 from typing import NamedTuple
@@ -77,15 +77,16 @@ def families(tree: SurfelTree, records: np.ndarray) -> list[list[np.ndarray]]:
 def walk_tree(
     levels: list[list[np.ndarray]],
     own: np.ndarray,
-    spreads: list[np.ndarray] | None = None,
+    spreads: list[np.ndarray],
+    moves: bool = False,
     scale: np.ndarray | None = None,
 ) -> tuple[list[Pairs], Pairs, Float[np.ndarray, "n"]]:
     """Level by level what some vertices see, the leaves beside them, and the sum of the weights of what they see.
 
     `own` (6, n): positions and normals. Of leaves beside a vertex the weight is the product of `open` above them alone,
-    and the importance is j. With the covariances of all surfels (`spreads`: xx, yy, zz, xy, xz, yz), what is wholly
-    below the horizon is left out, though not of the sum. Where there is a `scale`, of every vertex its own, importance
-    is multiplied by it.
+    and the importance is j. `spreads`: the covariances of all surfels, xx, yy, zz, xy, xz, yz. What is wholly below the
+    horizon is left out, though not of the sum, unless the mesh `moves`. Where there is a `scale`, of every vertex its
+    own, importance is multiplied by it.
     """
     count, found, start, close = own.shape[1], [], 0, NO_PAIRS
     total = np.zeros(count)
@@ -104,31 +105,27 @@ def walk_tree(
             times = np.repeat(np.take(scale, vertex), width)
             importance *= times
             highest *= times
+        level = _Level(vertex, family, width, height, own, [spread[start:] for spread in spreads])
         # passes over all are cheap and picking is not: nothing is picked before all is known of it
-        weight = _ramp(importance, NEGLIGIBLE)
         opened = _ramp(highest, OPENING)
-        if not is_last:  # leaves have no children
-            weight *= 1 - opened
-        above = np.ones(len(weight), np.float32) if reached is None else np.repeat(reached, width)
-        weight *= above
-        kept = np.flatnonzero(weight > 0)
-        level = Pairs(*_pairs(kept, vertex, family, width), np.take(weight, kept), np.take(importance, kept))
-        total += np.bincount(level.vertex, level.weight, count)
-        if spreads is not None:
-            level = level.some(_above_horizon(level, np.take(height, kept), own, [s[start:] for s in spreads]))
-        found.append(level._replace(node=level.node + start))
+        share = np.ones(len(highest), np.float32) if reached is None else np.repeat(reached, width)
+        left = share if is_last else share * (1 - opened)  # leaves have no children
+        pairs, above = level.picked(_ramp(importance, NEGLIGIBLE) * left, importance)
+        total += np.bincount(pairs.vertex, pairs.weight, count)
+        seen = [pairs.some(np.flatnonzero(above))]
+        if moves:
+            pairs, above = level.picked(_ramp(highest, NEGLIGIBLE) * left, highest)
+            seen.append(pairs.some(np.flatnonzero(~above)))
+        found += [pairs._replace(node=pairs.node + start) for pairs in seen]
         if is_last:
-            kept = np.flatnonzero(highest > CLOSE)
-            close = Pairs(*_pairs(kept, vertex, family, width), np.take(above, kept), np.take(highest, kept))
-            if spreads is not None:
-                leaves = [s[start:] for s in spreads]
-                close = close.some(_above_horizon(close, np.take(height, kept), own, leaves, CORNERS))
+            pairs, above = level.picked(np.where(highest > CLOSE, share, np.float32(0)), highest, CORNERS)
+            close = pairs if moves else pairs.some(np.flatnonzero(above))
             break
         start += columns[0].size
         parents = np.flatnonzero(opened > 0)
-        reached = np.take(opened, parents) * np.take(above, parents)
+        reached = np.take(opened, parents) * np.take(share, parents)
         # surfel i of a level has family i of the next as its children
-        vertex, family = _pairs(parents, vertex, family, width)
+        vertex, family = level.numbers(parents)
     return found, close, total
 
 
@@ -139,14 +136,40 @@ def _ramp(importance: np.ndarray, start: np.float32) -> np.ndarray:
     return np.clip(found, 0, 1, out=found)
 
 
-def _pairs(index: np.ndarray, vertex: np.ndarray, family: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Of some members of families, each of its vertex: the vertex, and the surfel's number in its level."""
-    # by bits, as NumPy's division takes longer than all the rest
-    row, place = (index >> FAN_BITS, index & (FAN - 1)) if width == FAN else np.divmod(index, width)
-    node = np.take(family, row)
-    node *= width
-    node += place
-    return np.take(vertex, row), node
+class _Level(NamedTuple):
+    """Families of one level, each of its vertex, with what is known of their members in one array."""
+
+    vertex: np.ndarray
+    family: np.ndarray
+    width: int
+    height: np.ndarray  # n . offset
+    own: np.ndarray
+    spreads: list[np.ndarray]  # of the level's surfels
+
+    def numbers(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of some members the vertex, and the surfel's number in the level."""
+        # by bits, as NumPy's division takes longer than all the rest
+        row, place = (index >> FAN_BITS, index & (FAN - 1)) if self.width == FAN else np.divmod(index, self.width)
+        node = np.take(self.family, row)
+        node *= self.width
+        node += place
+        return np.take(self.vertex, row), node
+
+    def picked(self, weight: np.ndarray, importance: np.ndarray, reach: float = 1.0) -> tuple[Pairs, np.ndarray]:
+        """What has weight; and what of it reaches above the horizon, by `reach` times the mean square extent."""
+        kept = np.flatnonzero(weight > 0)
+        pairs = Pairs(*self.numbers(kept), np.take(weight, kept), np.take(importance, kept))
+        height = np.take(self.height, kept)
+        above = height > 0
+        low = np.flatnonzero(~above)
+        vertex, node, depth = np.take(pairs.vertex, low), np.take(pairs.node, low), np.take(height, low)
+        x, y, z = (np.take(self.own[i], vertex) for i in (3, 4, 5))
+        xx, yy, zz, xy, xz, yz = (np.take(spread, node) for spread in self.spreads)
+        # n' C n, as n . (C n)
+        extent = x * (xx * x + 2 * (xy * y + xz * z)) + y * (yy * y + 2 * yz * z) + zz * z * z
+        depth *= depth
+        above[low] = depth <= extent * np.float32(reach * (1 + ROUNDING))
+        return pairs, above
 
 
 def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -174,22 +197,3 @@ def _importance(surfel: list[np.ndarray], own: list[np.ndarray]) -> tuple[np.nda
         up *= filled
         looked.append(up)
     return looked[0], looked[1], height
-
-
-def _above_horizon(
-    pairs: Pairs, height: np.ndarray, own: np.ndarray, spreads: list[np.ndarray], reach: float = 1.0
-) -> np.ndarray:
-    """Which of some pairs of a level reach above the horizon, by `reach` times the mean square extent.
-
-    `height`: how high their middles stand; `spreads`: covariances from the level's first surfel on.
-    """
-    seen = height > 0
-    low = np.flatnonzero(~seen)
-    vertex, node, depth = np.take(pairs.vertex, low), np.take(pairs.node, low), np.take(height, low)
-    x, y, z = (np.take(own[i], vertex) for i in (3, 4, 5))
-    xx, yy, zz, xy, xz, yz = (np.take(spread, node) for spread in spreads)
-    # n' C n, as n . (C n)
-    extent = x * (xx * x + 2 * (xy * y + xz * z)) + y * (yy * y + 2 * yz * z) + zz * z * z
-    depth *= depth
-    seen[low] = depth <= extent * np.float32(reach * (1 + ROUNDING))
-    return np.flatnonzero(seen)
