@@ -19,8 +19,8 @@ is a ratio of lengths: moving, turning or scaling the mesh changes nothing.
 A surfel is opened for what may stand highest in it: at the tip of a nose or between two toes most of the surface around
 lies behind the vertex, and the middle of a surfel tells nothing of the small part of it that stands above. Much of what
 is found still lies wholly below the horizon: with C the covariance of its surface, n . offset + sqrt(n' C n) <= 0. The
-network gives it the weight 0 in all sums, so that to leave it out changes nothing - unless the mesh
-deforms, and what lies in the tangent plane rises out of it: there it stays, and its `seen` is made of j.
+network gives it the weight 0 in all sums, so that to leave it out changes nothing - unless the mesh deforms, and what
+lies in the tangent plane rises out of it: there it stays, and its `seen` is made of j.
 """
 
 from typing import NamedTuple
@@ -34,7 +34,7 @@ OPENING = np.float32(0.1)
 NEGLIGIBLE = np.float32(0.01)
 # leaves whose j is larger are beside the vertex (`surfel_cover`)
 CLOSE = np.float32(0.03)
-# corners of a triangle reach no farther from its middle than this many of its mean square distances
+# no corner of a triangle is farther from its middle, along any axis, than the root of this times its variance along it
 CORNERS = 8.0
 # of a surfel's size: how far above its middle it is looked at, and what is highest in it may stand
 MIDDLE, TIPS = np.float32(0.6), np.float32(2.25)
