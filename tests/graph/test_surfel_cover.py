@@ -16,7 +16,7 @@ from gash_jax.graph.surfel_cover import (
     without_own,
 )
 from gash_jax.graph.surfel_graph import normalised, plan_surfels, surfel_graph
-from gash_jax.graph.surfel_walk import Pairs
+from gash_jax.graph.surfel_walk import Beside
 from gash_jax.graph.surfels import SurfelTree
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
 
@@ -94,7 +94,7 @@ def test_it_turns_and_adds_up() -> None:
 
 def test_what_is_close() -> None:
     importance = np.array([1.2, 1.0, 1.5, 3.0], np.float32) * CLOSE
-    beside = Pairs(np.arange(4), 20 + np.arange(4), np.array([1, 1, 0.3, 0.1], np.float32), importance)
+    beside = Beside(np.arange(4), 20 + np.arange(4), np.array([1, 1, 0.3, 0.1], np.float32), importance)
     found = close_pairs(7, beside)
     np.testing.assert_array_equal(found.vertex, [7, 8, 9, 10])
     np.testing.assert_array_equal(found.leaf, [20, 21, 22, 23])

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from gash_jax.graph.surfel_pieces import PIECES
-from gash_jax.graph.surfel_walk import CLOSE, Pairs
+from gash_jax.graph.surfel_walk import CLOSE, Beside
 from gash_jax.graph.surfels import SurfelTree
 
 # a face that begins to stand for its parent in a list soon counts in full here: nothing else says what it covers
@@ -48,11 +48,11 @@ class ClosePairs(NamedTuple):
 NO_PAIRS = ClosePairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
 
 
-def close_pairs(start: int, pairs: Pairs) -> ClosePairs:
+def close_pairs(start: int, pairs: Beside) -> ClosePairs:
     """The leaves beside some vertices (`walk_tree`), which are counted from `start`."""
     share = np.minimum(pairs.importance * (1 / CLOSE) - 1, 1)
     share *= np.minimum(SOON * pairs.weight, 1)
-    return ClosePairs(pairs.vertex + start, pairs.node, share)
+    return ClosePairs(pairs.vertex + start, pairs.leaf, share)
 
 
 def joined_pairs(parts: Sequence[ClosePairs]) -> ClosePairs:
