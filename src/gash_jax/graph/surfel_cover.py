@@ -93,23 +93,40 @@ def surfel_cover(
 
 
 def _covered(r: list[list[Any]], up: list[Any], xp: ModuleType) -> list[Any]:
-    """max(f . n / |f|, 0) f / pi of triangles with these corners."""
+    """(f . n / |f|) f / pi of what of triangles with these corners stands above the horizon."""
+    height = [_dot(corner, up) for corner in r]
     total: list[Any] = [0, 0, 0]
+    # where the outline goes below the horizon, and where it comes back
+    gone, back = ([xp.zeros_like(height[0])] * 3 for _ in range(2))
     for k in range(3):
-        a, b = r[k], r[k - 2]
-        cross = _cross(a, b)
-        sine, cosine = _length(cross, xp), _dot(a, b)
-        angle = xp.arctan2(sine, cosine) / (2 * np.float32(np.pi) * sine)
-        total = [t + angle * c for t, c in zip(total, cross, strict=True)]
+        (a, above), (b, then) = ((r[i], height[i]) for i in (k, k - 2))
+        crosses = (above >= 0) != (then >= 0)
+        share = xp.where(crosses, above / xp.where(crosses, above - then, 1), 0)
+        horizon = [x + share * (y - x) for x, y in zip(a, b, strict=True)]
+        gone = [xp.where(crosses & (above >= 0), h, g) for h, g in zip(horizon, gone, strict=True)]
+        back = [xp.where(crosses & (then >= 0), h, g) for h, g in zip(horizon, back, strict=True)]
+        first, second = (
+            [xp.where(up >= 0, c, h) for c, h in zip(corner, horizon, strict=True)]
+            for corner, up in ((a, above), (b, then))
+        )
+        total = _with_edge(total, first, second, xp)
+    total = _with_edge(total, gone, back, xp)
     # twice the area vector; how far the plane is from the vertex, along it
     e, g = ([b - a for a, b in zip(r[0], r[k], strict=True)] for k in (1, 2))
     face = _cross(e, g)
     away = _dot(face, r[0]) / _length(face, xp)
     # towards the triangle; nothing where the vertex lies in it
     towards = away / xp.sqrt(away * away + TOUCHING * TOUCHING)
-    height = _dot(total, up) / _length(total, xp)
-    scale = xp.maximum(height * towards, 0) * towards
+    scale = xp.maximum(_dot(total, up) / _length(total, xp) * towards, 0) * towards
     return [scale * t for t in total]
+
+
+def _with_edge(total: list[Any], a: list[Any], b: list[Any], xp: ModuleType) -> list[Any]:
+    """And t a x b / |a x b| / 2 pi of an edge from a to b; 0 of one that is a point."""
+    cross = _cross(a, b)
+    sine = _length(cross, xp)
+    angle = xp.arctan2(sine, _dot(a, b)) / (2 * np.float32(np.pi) * sine)
+    return [t + angle * c for t, c in zip(total, cross, strict=True)]
 
 
 def _cross(a: list[Any], b: list[Any]) -> list[Any]:

@@ -33,13 +33,13 @@ from jaxtyping import Float, Int
 from gash_jax.graph import walk_kernels
 from gash_jax.graph.surfels import FAN, SurfelTree
 
-OPENING, NEGLIGIBLE = np.float32(0.1), np.float32(0.01)
+OPENING, NEGLIGIBLE = np.float32(0.08), np.float32(0.01)
 # leaves whose j is larger are beside the vertex (`surfel_cover`)
 CLOSE = np.float32(0.03)
 # no corner of a triangle is farther from its middle, along any axis, than the root of this times its variance along it
 CORNERS = np.float32(8)
 # of a surfel's size: how far above its middle it is looked at, and what is highest in it may stand
-MIDDLE, TIPS = np.float32(0.6), np.float32(2.25)
+MIDDLE, TIPS = np.float32(0.6), np.float32(3)
 
 
 class SurfelBlocks(NamedTuple):
