@@ -1,31 +1,33 @@
 """How much of a vertex's view the faces right beside it cover, exactly: what their moments do not tell.
 
 A surfel is a centre and moments, which is enough from afar. Where a face is closer to a vertex than it is wide, it
-matters which side of it the vertex lies on and whether it reaches over it: a sheet a hair above a vertex hides all,
-however far its middle is. Such faces are few on most meshes, and of each the view that it covers has a closed form.
-With r_k the corners of a triangle seen from the vertex and t_k the angle between r_k and r_(k+1),
+matters which side of it the vertex lies on and whether it reaches over it: a sheet a hair above a vertex hides all, and
+a panel that hangs down beside it half, however far their middles are. Such faces are few on most meshes, and of each
+the view that it covers has a closed form. With r_k the corners, seen from the vertex, of what of a triangle stands
+above the horizon, and t_k the angle between r_k and r_(k+1),
 
     f = sum_k t_k (r_k x r_(k+1)) / |r_k x r_(k+1)| / 2
 
-is the integral of directions over the triangle (Lambert 1760; Arvo 1995, vector irradiance): f . n, over pi, is the
-share of the light of an even sky that the triangle keeps from a vertex with normal n. Turned so that it points to the
-triangle, the faces' sum
+is the integral of directions over it (Lambert 1760; Arvo 1995, vector irradiance): f . n, over pi, is the share of the
+light of an even sky that the triangle keeps from a vertex with normal n. In
 
     cover = sum_j q_j max(f_j . n / |f_j|, 0) f_j / pi
 
-leaves out what lies below the horizon. With j the importance of `surfel_walk` and p the product of `open` over all
-surfels above the face, q = min(SOON p, 1) clip(j / CLOSE - 1, 0, 1) is 0 from afar and continuous. A face counts by
-what stands highest in it, whether or not its middle is seen: where it crosses the horizon, that is what covers. The
-faces of which a vertex is itself a corner are seen edge-on and cover nothing.
+each face is a vector of that length, turned so that it points to the triangle. With j the importance of `surfel_walk` and p
+the product of `open` over all surfels above the face, q = min(SOON p, 1) clip(j / CLOSE - 1, 0, 1) is 0 from afar and
+continuous. A face counts by what stands highest in it, whether or not its middle is seen: where it crosses the horizon,
+that is what covers. The faces of which a vertex is itself a corner are seen edge-on and cover nothing.
 """
 
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from gash_jax.graph.cover_kernels import add_cover
 from gash_jax.graph.surfel_pieces import PIECES
 from gash_jax.graph.surfel_walk import CLOSE, Beside
 from gash_jax.graph.surfels import SurfelTree
@@ -79,53 +81,56 @@ def surfel_cover(
     xp: ModuleType = np,
 ) -> Float[Any, "v 3"]:
     """The cover of every vertex; NumPy, or with `xp` = jax.numpy under jit."""
+    if xp is np:
+        found = np.zeros((len(positions), 3), np.float32)
+        pieces = tree.face, tree.piece, PIECES, faces
+        add_cover(*pairs, *pieces, positions, normals, TOUCHING, found)
+        return found
     points, place = [positions[:, i] for i in range(3)], pairs.vertex
     corner = np.take(faces, tree.face[pairs.leaf], axis=0)
     weights = PIECES[tree.piece[pairs.leaf]]
-    own = [xp.take(column, place) for column in points]
-    up = [xp.take(normals[:, i], place) for i in range(3)]
-    far = [[xp.take(column, corner[:, b]) - mine for column, mine in zip(points, own, strict=True)] for b in range(3)]
+    own = [jnp.take(column, place) for column in points]
+    up = [jnp.take(normals[:, i], place) for i in range(3)]
+    far = [[jnp.take(column, corner[:, b]) - mine for column, mine in zip(points, own, strict=True)] for b in range(3)]
     r = [[sum(weights[:, a, b] * far[b][i] for b in range(3)) for i in range(3)] for a in range(3)]
-    found = [pairs.weight * component for component in _covered(r, up, xp)]
-    if xp is np:
-        return np.stack([np.bincount(place, f, len(positions)) for f in found], axis=-1).astype(np.float32)
-    return xp.stack([xp.zeros(len(positions), np.float32).at[place].add(f) for f in found], axis=-1)
+    found = [pairs.weight * component for component in _covered(r, up)]
+    return jnp.stack([jnp.zeros(len(positions), np.float32).at[place].add(f) for f in found], axis=-1)
 
 
-def _covered(r: list[list[Any]], up: list[Any], xp: ModuleType) -> list[Any]:
+def _covered(r: list[list[Any]], up: list[Any]) -> list[Any]:
     """(f . n / |f|) f / pi of what of triangles with these corners stands above the horizon."""
     height = [_dot(corner, up) for corner in r]
     total: list[Any] = [0, 0, 0]
     # where the outline goes below the horizon, and where it comes back
-    gone, back = ([xp.zeros_like(height[0])] * 3 for _ in range(2))
+    gone, back = ([jnp.zeros_like(height[0])] * 3 for _ in range(2))
     for k in range(3):
         (a, above), (b, then) = ((r[i], height[i]) for i in (k, k - 2))
         crosses = (above >= 0) != (then >= 0)
-        share = xp.where(crosses, above / xp.where(crosses, above - then, 1), 0)
+        share = jnp.where(crosses, above / jnp.where(crosses, above - then, 1), 0)
         horizon = [x + share * (y - x) for x, y in zip(a, b, strict=True)]
-        gone = [xp.where(crosses & (above >= 0), h, g) for h, g in zip(horizon, gone, strict=True)]
-        back = [xp.where(crosses & (then >= 0), h, g) for h, g in zip(horizon, back, strict=True)]
+        gone = [jnp.where(crosses & (above >= 0), h, g) for h, g in zip(horizon, gone, strict=True)]
+        back = [jnp.where(crosses & (then >= 0), h, g) for h, g in zip(horizon, back, strict=True)]
         first, second = (
-            [xp.where(up >= 0, c, h) for c, h in zip(corner, horizon, strict=True)]
+            [jnp.where(up >= 0, c, h) for c, h in zip(corner, horizon, strict=True)]
             for corner, up in ((a, above), (b, then))
         )
-        total = _with_edge(total, first, second, xp)
-    total = _with_edge(total, gone, back, xp)
+        total = _with_edge(total, first, second)
+    total = _with_edge(total, gone, back)
     # twice the area vector; how far the plane is from the vertex, along it
     e, g = ([b - a for a, b in zip(r[0], r[k], strict=True)] for k in (1, 2))
     face = _cross(e, g)
-    away = _dot(face, r[0]) / _length(face, xp)
+    away = _dot(face, r[0]) / _length(face)
     # towards the triangle; nothing where the vertex lies in it
-    towards = away / xp.sqrt(away * away + TOUCHING * TOUCHING)
-    scale = xp.maximum(_dot(total, up) / _length(total, xp) * towards, 0) * towards
+    towards = away / jnp.sqrt(away * away + TOUCHING * TOUCHING)
+    scale = jnp.maximum(_dot(total, up) / _length(total) * towards, 0) * towards
     return [scale * t for t in total]
 
 
-def _with_edge(total: list[Any], a: list[Any], b: list[Any], xp: ModuleType) -> list[Any]:
+def _with_edge(total: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
     """And t a x b / |a x b| / 2 pi of an edge from a to b; 0 of one that is a point."""
     cross = _cross(a, b)
-    sine = _length(cross, xp)
-    angle = xp.arctan2(sine, _dot(a, b)) / (2 * np.float32(np.pi) * sine)
+    sine = _length(cross)
+    angle = jnp.arctan2(sine, _dot(a, b)) / (2 * np.float32(np.pi) * sine)
     return [t + angle * c for t, c in zip(total, cross, strict=True)]
 
 
@@ -137,5 +142,5 @@ def _dot(a: list[Any], b: list[Any]) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _length(a: list[Any], xp: ModuleType) -> Any:
-    return xp.sqrt(_dot(a, a) + TINY)
+def _length(a: list[Any]) -> Any:
+    return jnp.sqrt(_dot(a, a) + TINY)
