@@ -266,8 +266,8 @@ def edge_features(positions: np.ndarray, normals: np.ndarray, frames: np.ndarray
 
 FAN, TOP, LEAVES, MOST_PARTS, MOST_SLICES, MOST_SLICED = 4, 64, 8192, 8, 16, 32768
 LEAD_BITS, CURVE_BITS = 9, 30
-OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.1), np.float32(0.01), 128.0, 256
-MIDDLE, TIPS = np.float32(0.6), np.float32(2.25)
+OPENING, NEGLIGIBLE, FULL, LONGEST = np.float32(0.08), np.float32(0.01), 128.0, 256
+MIDDLE, TIPS = np.float32(0.6), np.float32(3)
 CLOSE, TOUCHING = np.float32(0.03), np.float32(1e-5)
 NEAR, TOGETHER = 8, 512  # near corners; vertices at a time, so that memory is bounded
 # order of a symmetric matrix: xx, yy, zz, xy, xz, yz
@@ -517,6 +517,21 @@ def list_surfels(
     return table, told, beside
 
 
+def above_horizon(r: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the edges of what stands above the horizon of triangles (n, 3, 3) begin and end, (n, 4, 3) each."""
+    height, following = (r * up[:, None]).sum(-1), np.roll(r, -1, axis=1)
+    then = np.roll(height, -1, axis=1)
+    first, second = height >= 0, then >= 0
+    crosses = first != second
+    share = np.where(crosses, height / np.where(crosses, height - then, 1), 0)
+    horizon = r + share[..., None] * (following - r)
+    start = np.where(first[..., None], r, horizon)
+    end = np.where(second[..., None], following, horizon)
+    # the last edge runs along the horizon, from where the outline goes below to where it comes back
+    gone, back = ((horizon * (crosses & side)[..., None]).sum(1, keepdims=True) for side in (first, second))
+    return np.concatenate([start, gone], axis=1), np.concatenate([end, back], axis=1)
+
+
 def cover(
     tree: Tree, faces: np.ndarray, points: np.ndarray, own: np.ndarray, normals: np.ndarray, beside: tuple
 ) -> np.ndarray:
@@ -527,8 +542,10 @@ def cover(
     vertex, leaf, q, corner = vertex[other], leaf[other], q[other], corner[other]
     up = normals[vertex]
     r = PIECES[tree.piece[leaf]] @ (points[corner] - points[own[vertex], None])
-    crosses, length = np.cross(r, np.roll(r, -1, axis=1)), lambda x: np.sqrt((x * x).sum(-1) + np.float32(1e-20))
-    sine, cosine = length(crosses), (r * np.roll(r, -1, axis=1)).sum(-1)
+    length = lambda x: np.sqrt((x * x).sum(-1) + np.float32(1e-20))  # noqa: E731
+    start, end = above_horizon(r, up)
+    crosses = np.cross(start, end)
+    sine, cosine = length(crosses), (start * end).sum(-1)
     f = ((np.arctan2(sine, cosine) / (2 * np.float32(math.pi) * sine))[..., None] * crosses).sum(1)
     face = np.cross(r[:, 1] - r[:, 0], r[:, 2] - r[:, 0])
     away = (face * r[:, 0]).sum(-1) / length(face)

@@ -169,7 +169,7 @@ def test_graphs_say_how_much_is_covered() -> None:
 def test_jax_gives_the_same_with_finite_gradients(gap: float, slant: float) -> None:
     """With slanting normals many faces cross the horizon."""
     mesh = _two_sheets(gap)
-    mesh = mesh._replace(normals=normalized(mesh.normals + np.float32([slant, 0, 0])))
+    mesh = mesh._replace(normals=normalized(mesh.normals + np.array([slant, 0, 0], np.float32)))
     positions = normalised(mesh)[0]
     plan, _ = plan_surfels(mesh, positions)
 

@@ -14,12 +14,12 @@ from tests.helpers.surfel_cases import SurfelCase, bumpy_case, dense_weights, im
 
 
 def test_one_surfel_by_hand() -> None:
-    """Size 1 at distance 2.5 straight above: r² = 7.25, g = i = j = 1 / 7.25, opened g / 0.1 - 1."""
+    """Size 1 at distance 3 straight above: r² = 10, g = i = j = 0.1, opened 0.1 / 0.08 - 1 = 0.25."""
     record = np.zeros(20)
-    record[[2, 6, 7]] = 2.5, 1, 1
-    up, flat, g = np.array([0.0, 0, 1]), np.array([1.0, 0, 0]), 1 / 7.25
+    record[[2, 6, 7]] = 3, 1, 1
+    up, flat, g = np.array([0.0, 0, 1]), np.array([1.0, 0, 0]), 0.1
     assert importance_of(record, np.zeros(3), up) == importance_of(record, np.zeros(3), up, TIPS) == pytest.approx(g)
-    # at the level of the horizon its middle is looked at 0.6 high and its tips 2.25, from above it not at all
+    # at the level of the horizon its middle is looked at 0.6 high and its tips 3, from above it not at all
     for rise in (MIDDLE, TIPS):
         assert importance_of(record, np.zeros(3), flat, rise) == pytest.approx(g * float(rise) * np.sqrt(g))
         assert importance_of(record, np.zeros(3), -up, rise) == 0
@@ -33,10 +33,10 @@ def test_one_surfel_by_hand() -> None:
     (part,) = [part for part in lists if len(part.vertices)]
     table, weight = part.table[np.argsort(part.vertices)], part.weight[np.argsort(part.vertices)]
     np.testing.assert_array_equal(table[0, :3], [0, 1, 1 + FAN])
-    np.testing.assert_allclose(weight[0, :3], [2 - 10 * g, 10 * g - 1, 0], rtol=1e-5)
-    # at the horizon 0.115 by its tips, opened 0.115 / 0.1 - 1; by its middle 0.031, more than twice what is negligible
-    opened = 22.5 * g**1.5 - 1
-    np.testing.assert_allclose(weight[1, :3], [1 - opened, opened, 0], rtol=1e-5)
+    np.testing.assert_allclose(weight[0, :3], [0.75, 0.25, 0], rtol=1e-5)
+    # at the horizon 0.0949 by its tips, opened 0.186; by its middle 0.0190, seen 0.897
+    opened, seen = 3.75 / np.sqrt(10) - 1, 6 / np.sqrt(10) - 1
+    np.testing.assert_allclose(weight[1, :3], [seen * (1 - opened), seen * opened, 0], rtol=1e-5)
     assert not weight[2].any() and np.all(table[2] == 1 + FAN)
 
 
@@ -121,7 +121,7 @@ def test_lists_that_are_too_long_keep_the_most_important(monkeypatch: pytest.Mon
 
 def test_crowded_lists_are_made_anew_with_less_importance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(surfel_walk, "MIDDLE", TIPS)  # what is below the horizon is in the total by its middle
-    case, full = bumpy_case(), 30.0
+    case, full = bumpy_case(), 45.0
     before = dense_weights(case, case.lists())
     assert before.sum(axis=1).max() < surfel_lists.FULL  # no list of this mesh is crowded as it is
     monkeypatch.setattr(surfel_lists, "FULL", full)
