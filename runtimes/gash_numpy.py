@@ -450,8 +450,9 @@ def importance(surfel: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndar
     s = surfel[3]
     height = own[3] * x + own[4] * y + own[5] * z
     square = x * x + y * y + z * z + s * s + np.float32(1e-12)
-    filled, far = s * s / square, np.sqrt(square)
-    middle, tips = (np.clip((rise * s + height) / far, 0, 1) * filled for rise in (MIDDLE, TIPS))
+    inverse = np.float32(1) / np.sqrt(square)
+    filled = s * s * inverse * inverse
+    middle, tips = (np.clip((rise * s + height) * inverse, 0, 1) * filled for rise in (MIDDLE, TIPS))
     return middle, tips
 
 

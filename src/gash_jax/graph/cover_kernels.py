@@ -14,7 +14,7 @@ ZERO, ONE = np.float32(0), np.float32(1)
 TINY = np.float32(1e-20)
 PER_TURN = np.float32(0.5 / np.pi)
 
-_compiled = njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
+_compiled = njit(nogil=True, fastmath=False, error_model="numpy", cache=True)
 
 
 @_compiled

@@ -24,7 +24,8 @@ TINY = np.float32(1e-12)
 # of squared extents: what rounding might still bring above the horizon is left in
 ROUNDING = np.float32(1 + 1e-4)
 
-_compiled = njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
+# no arithmetic faster than IEEE's: lists are the same to the bit on every processor, and in `runtimes/gash_numpy.py`
+_compiled = njit(nogil=True, error_model="numpy", cache=True)
 
 
 @_compiled
@@ -45,7 +46,7 @@ def walk(families, spread, starts, missing, own, rules, most, moves, lengths):
         x, y, z = own[v, 3], own[v, 4], own[v, 5]
         first, scale = used, ONE
         while True:
-            total, used, count = ZERO, first, starts[1]
+            total, used, count = 0.0, first, starts[1]
             for f in range(count):
                 family[f] = f
                 reached[f] = ONE
@@ -91,7 +92,7 @@ def walk(families, spread, starts, missing, own, rules, most, moves, lengths):
                 count = found
             if total <= full or scale < ONE:
                 break
-            scale = full / total
+            scale = np.float32(full / total)
         if used - first > most:
             used = _shortened(node, weight, rank, first, used, most)
         lengths[v] = used - first
@@ -124,14 +125,15 @@ def _weigh(tile, n, x, y, z, scale, middle, tips, per_opening, per_negligible, o
         height = x * a + y * b + z * c
         square = s * s
         per_far = ONE / np.sqrt(a * a + b * b + c * c + square + TINY)
-        filled = square * per_far * per_far * scale
-        i = _clipped((height + middle * s) * per_far) * filled
-        j = _clipped((height + tips * s) * per_far) * filled
-        passed = _clipped(j * per_opening - ONE) * most_opened * share
+        filled = square * per_far * per_far
+        i = _clipped((height + middle * s) * per_far) * filled * scale
+        j = _clipped((height + tips * s) * per_far) * filled * scale
+        opened = _clipped(j * per_opening - ONE) * most_opened
+        left = share * (ONE - opened)
         tile[m] = height
-        tile[PASSED + m] = passed
-        tile[BY_MIDDLE + m] = _clipped(i * per_negligible - ONE) * (share - passed)
-        tile[BY_TIPS + m] = _clipped(j * per_negligible - ONE) * (share - passed)
+        tile[PASSED + m] = share * opened
+        tile[BY_MIDDLE + m] = _clipped(i * per_negligible - ONE) * left
+        tile[BY_TIPS + m] = _clipped(j * per_negligible - ONE) * left
         tile[ROW_I + m] = i
         tile[ROW_J + m] = j
 
