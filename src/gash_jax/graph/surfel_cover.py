@@ -13,10 +13,10 @@ light of an even sky that the triangle keeps from a vertex with normal n. In
 
     cover = sum_j q_j max(f_j . n / |f_j|, 0) f_j / pi
 
-each face is a vector of that length, turned so that it points to the triangle. With j the importance of `surfel_walk` and p
-the product of `open` over all surfels above the face, q = min(SOON p, 1) clip(j / CLOSE - 1, 0, 1) is 0 from afar and
-continuous. A face counts by what stands highest in it, whether or not its middle is seen: where it crosses the horizon,
-that is what covers. The faces of which a vertex is itself a corner are seen edge-on and cover nothing.
+each face is a vector of that length, turned so that it points to the triangle. With j the importance of `surfel_walk`
+and p the product of `open` over all surfels above the face, q = min(SOON p, 1) clip(j / CLOSE - 1, 0, 1) is 0 from afar
+and continuous. A face counts by what stands highest in it, whether or not its middle is seen: where it crosses the
+horizon, that is what covers. The faces of which a vertex is itself a corner are seen edge-on and cover nothing.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Transfer of a mesh that deforms: positions in, coefficients out, one compiled call a frame.
+"""Transfer of a mesh that deforms: positions in, coefficients out.
 
 The faces stay, so the tree of surfels and the lists of the vertices are built once, from the pose of `mesh`; normals,
 moments and the network follow the positions. The unit of length is that of the first pose. A frame far from it looks at
@@ -8,7 +8,6 @@ The normals of `mesh`, a file's own smooth or hard ones too, are carried along (
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +22,7 @@ from gash_jax.graph.surfel_graph import SurfelGraph, check_together, normalised,
 from gash_jax.graph.surfels import surfel_records
 from gash_jax.models.model import Model
 from gash_jax.models.pose_normals import normals_of_pose
-from gash_jax.models.surfel_inference import apply_surfels
+from gash_jax.models.surfel_inference import apply_surfels, predict_surfels
 from gash_jax.nn.surfel_net import SurfelConfig
 
 # positions -> coefficients and predicted error, both "v k"
@@ -57,13 +56,16 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
     middle, carried = jnp.asarray(center, jnp.float32)[None], carried_normals(mesh, plan.faces)
 
     @jax.jit
-    def frame(vertices: Array, params: Any) -> tuple[Array, Array]:
+    def posed(vertices: Array) -> tuple[Array, Array]:
         placed = (vertices - middle) / np.float32(unit)
-        normals = normals_of_pose(placed, plan.faces, carried)
+        return placed, normals_of_pose(placed, plan.faces, carried)
+
+    def traced(vertices: Array) -> tuple[Array, Array]:
+        placed, normals = posed(vertices)
         records = surfel_records(plan.tree, placed, plan.faces, jnp)
         parts = part_arrays(plan, placed, normals, jnp)
         graph = SurfelGraph(records, parts, slot, center, np.asarray(unit, np.float32))
-        return apply_surfels(model.module, params, graph)
+        return apply_surfels(model.module, model.params, graph)
 
     def predict(vertices: ArrayLike | Array) -> tuple[Array, Array]:
         pose = as_array(vertices)
@@ -72,8 +74,12 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
                 f"positions have shape {pose.shape} {pose.dtype}: give those of all vertices of the mesh, "
                 f"{mesh.vertices.shape}"
             )
-        if not isinstance(pose, Tracer):
-            check_together(plan, np.asarray(pose, np.float32) / np.float32(unit))
-        return frame(jnp.asarray(pose, jnp.float32), model.params)
+        if isinstance(pose, Tracer):
+            return traced(jnp.asarray(pose, jnp.float32))
+        check_together(plan, np.asarray(pose, np.float32) / np.float32(unit))
+        placed, normals = (np.asarray(array) for array in posed(np.asarray(pose, np.float32)))
+        records = surfel_records(plan.tree, placed, plan.faces)
+        graph = SurfelGraph(records, part_arrays(plan, placed, normals), slot, center, np.asarray(unit, np.float32))
+        return predict_surfels(model.module, model.params, graph)
 
     return predict
