@@ -11,7 +11,7 @@ from gash_jax.nn.surfel_pairs import Part
 
 MOST = 256
 STRIDE = MOST + 16
-LANES = 16
+LANES = 8
 _F = np.float32
 _jit = njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
 
@@ -24,10 +24,10 @@ NEAR_FEATURES = 14
 
 
 @_jit
-def _gather(records, table, weight, count, position, s):
-    px, py, pz = position[0], position[1], position[2]
+def _gather(records, table, weight, v, count, position, s):
+    px, py, pz = position[v, 0], position[v, 1], position[v, 2]
     for j in range(count):
-        row = table[j]
+        row = table[v, j]
         s[U + j] = records[row, 0] - px
         s[U + STRIDE + j] = records[row, 1] - py
         s[U + 2 * STRIDE + j] = records[row, 2] - pz
@@ -48,7 +48,7 @@ def _gather(records, table, weight, count, position, s):
         s[SPREAD + 3 * STRIDE + j] = records[row, 17]
         s[SPREAD + 4 * STRIDE + j] = records[row, 18]
         s[SPREAD + 5 * STRIDE + j] = records[row, 19]
-        s[SHARE + j] = weight[j]
+        s[SHARE + j] = weight[v, j]
     end = (count + LANES - 1) // LANES * LANES
     for j in range(count, end):
         for row in range(21):
@@ -103,16 +103,18 @@ def _weigh(s, count, nx, ny, nz, constants):
         sz += k * z
         even += k
         total += above
+    for j in range(count):
+        above = s[ABOVE + j]
         most = above if above > most else most
     return sx, sy, sz, even, total, most
 
 
 @_jit
-def _describe(s, count, frame, constants):
+def _describe(s, count, frame, v, constants):
     floor, tiny, rounding, smallest, farthest, edge_on = constants
-    ax, ay, az = frame[0, 0], frame[1, 0], frame[2, 0]
-    bx, by, bz = frame[0, 1], frame[1, 1], frame[2, 1]
-    nx, ny, nz = frame[0, 2], frame[1, 2], frame[2, 2]
+    ax, ay, az = frame[v, 0, 0], frame[v, 1, 0], frame[v, 2, 0]
+    bx, by, bz = frame[v, 0, 1], frame[v, 1, 1], frame[v, 2, 1]
+    nx, ny, nz = frame[v, 0, 2], frame[v, 1, 2], frame[v, 2, 2]
     for j in range(count):
         ux, uy, uz = s[U + j], s[U + STRIDE + j], s[U + 2 * STRIDE + j]
         vx, vy, vz = s[VECTOR + j], s[VECTOR + STRIDE + j], s[VECTOR + 2 * STRIDE + j]
@@ -146,7 +148,7 @@ def _describe(s, count, frame, constants):
 
 
 @_jit
-def _pool(s, count, layer, out):
+def _pool(s, count, layer, out, v):
     channels = len(layer)
     for c in range(channels):
         w0, w1, w2, w3 = layer[c, 0], layer[c, 1], layer[c, 2], layer[c, 3]
@@ -167,8 +169,8 @@ def _pool(s, count, layer, out):
             h = h if h > _F(0) else _F(0)
             a += h * s[ABOVE + j]
             p += h * s[PARTLY + j]
-        out[c] = a
-        out[channels + c] = p
+        out[v, c] = a
+        out[v, channels + c] = p
 
 
 @_jit
@@ -214,7 +216,7 @@ def _any_tangent(n):
 
 
 @_jit
-def _frame(hidden, even, corner, n, constants, frame):
+def _frame(hidden, even, corner, n, constants, frame, v):
     tiny, least_even, faint, cos, sin = constants
     first = _tangential(hidden, n)
     length = np.sqrt(_dot(first, first) + tiny)
@@ -230,20 +232,20 @@ def _frame(hidden, even, corner, n, constants, frame):
     first = _unit(first if _dot(first, first) > _F(1e-16) else _any_tangent(n))
     second = _cross(n, first)
     for i in range(3):
-        frame[i, 0], frame[i, 1], frame[i, 2] = first[i], second[i], n[i]
+        frame[v, i, 0], frame[v, i, 1], frame[v, i, 2] = first[i], second[i], n[i]
 
 
 CORNERS = 8
 
 
 @_jit
-def _corners(near, c, constants, n):
+def _corners(near, v, c, constants, n):
     """c: (21, 8) flat rows: v, normal, away | 14 features; returns rise, mean of away"""
     floor, tiny, rounding, smallest, farthest, edge_on = constants
     rise, mean = _F(0), _F(0)
     for j in range(CORNERS):
         for i in range(6):
-            c[8 * i + j] = near[6 * j + i]
+            c[8 * i + j] = near[v, 6 * j + i]
     for j in range(CORNERS):
         x, y, z = c[j], c[8 + j], c[16 + j]
         away = np.sqrt(x * x + y * y + z * z + floor)
@@ -261,10 +263,10 @@ NF = 56
 
 
 @_jit
-def _near(c, mean, frame, tiny, layer, out, start):
-    ax, ay, az = frame[0, 0], frame[1, 0], frame[2, 0]
-    bx, by, bz = frame[0, 1], frame[1, 1], frame[2, 1]
-    nx, ny, nz = frame[0, 2], frame[1, 2], frame[2, 2]
+def _near(c, mean, frame, v, tiny, layer, out, start):
+    ax, ay, az = frame[v, 0, 0], frame[v, 1, 0], frame[v, 2, 0]
+    bx, by, bz = frame[v, 0, 1], frame[v, 1, 1], frame[v, 2, 1]
+    nx, ny, nz = frame[v, 0, 2], frame[v, 1, 2], frame[v, 2, 2]
     per = _F(1) / (mean + _F(1e-9))
     for j in range(CORNERS):
         vx, vy, vz = c[j], c[8 + j], c[16 + j]
@@ -301,8 +303,8 @@ def _near(c, mean, frame, tiny, layer, out, start):
             h = h if h > _F(0) else _F(0)
             total += h
             most = h if h > most else most
-        out[start + k] = total / _F(CORNERS)
-        out[start + channels + k] = most
+        out[v, start + k] = total / _F(CORNERS)
+        out[v, start + channels + k] = most
 
 
 @_jit
@@ -315,24 +317,22 @@ def _encode(records, position, normal, near, cover, table, weight, layer, near_l
         count = table.shape[1]
         while count > 0 and weight[v, count - 1] == _F(0):
             count -= 1
-        count = _gather(records, table[v], weight[v], count, position[v], s)
+        count = _gather(records, table, weight, v, count, position, s)
         n = (normal[v, 0], normal[v, 1], normal[v, 2])
         sx, sy, sz, even, total, most = _weigh(s, count, n[0], n[1], n[2], constants)
-        rise, edge = _corners(near[v], c, constants, n)
-        frame = frames[v]
-        _frame((sx, sy, sz), even, (c[0], c[8], c[16]), n, turning, frame)
-        _describe(s, count, frame, constants)
-        out = pooled[v]
-        _pool(s, count, layer, out)
-        _near(c, edge, frame, tiny, near_layer, out, 2 * wide)
+        rise, edge = _corners(near, v, c, constants, n)
+        _frame((sx, sy, sz), even, (c[0], c[8], c[16]), n, turning, frames, v)
+        _describe(s, count, frames, v, constants)
+        _pool(s, count, layer, pooled, v)
+        _near(c, edge, frames, v, tiny, near_layer, pooled, 2 * wide)
         at = 2 * wide + 2 * len(near_layer)
-        out[at] = total
-        out[at + 1] = most
+        pooled[v, at] = total
+        pooled[v, at + 1] = most
         edge = edge if edge > tiny else tiny
-        out[at + 2] = np.sqrt(np.sqrt(edge))
+        pooled[v, at + 2] = np.sqrt(np.sqrt(edge))
         for i in range(3):
-            out[at + 3 + i] = cover[v, 0] * frame[0, i] + cover[v, 1] * frame[1, i] + cover[v, 2] * frame[2, i]
-        seen[v] = total + rise + out[at + 5]
+            pooled[v, at + 3 + i] = cover[v, 0] * frames[v, 0, i] + cover[v, 1] * frames[v, 1, i] + cover[v, 2] * frames[v, 2, i]
+        seen[v] = total + rise + pooled[v, at + 5]
 
 
 def _layer(params: Any) -> np.ndarray:
