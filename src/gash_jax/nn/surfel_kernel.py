@@ -26,7 +26,9 @@ NEAR_FEATURES = 14
 @_jit
 def _gather(records, table, weight, v, count, position, s):
     px, py, pz = position[v, 0], position[v, 1], position[v, 2]
-    for j in range(count):
+    end = (count + LANES - 1) // LANES * LANES
+    stored = min(end, table.shape[1])
+    for j in range(stored):
         row = table[v, j]
         s[U + j] = records[row, 0] - px
         s[U + STRIDE + j] = records[row, 1] - py
@@ -49,8 +51,7 @@ def _gather(records, table, weight, v, count, position, s):
         s[SPREAD + 4 * STRIDE + j] = records[row, 18]
         s[SPREAD + 5 * STRIDE + j] = records[row, 19]
         s[SHARE + j] = weight[v, j]
-    end = (count + LANES - 1) // LANES * LANES
-    for j in range(count, end):
+    for j in range(stored, end):
         for row in range(21):
             s[row * STRIDE + j] = _F(0)
     return end
@@ -260,6 +261,7 @@ def _corners(near, v, c, constants, n):
 
 
 NF = 56
+G = NF + 14 * 8
 
 
 @_jit
@@ -300,9 +302,11 @@ def _near(c, mean, frame, v, tiny, layer, out, start):
             h += w4 * c[NF + 32 + j] + w5 * c[NF + 40 + j] + w6 * c[NF + 48 + j] + w7 * c[NF + 56 + j]
             h += w8 * c[NF + 64 + j] + w9 * c[NF + 72 + j] + w10 * c[NF + 80 + j] + w11 * c[NF + 88 + j]
             h += w12 * c[NF + 96 + j] + w13 * c[NF + 104 + j]
-            h = h if h > _F(0) else _F(0)
-            total += h
-            most = h if h > most else most
+            c[G + j] = h if h > _F(0) else _F(0)
+        for j in range(CORNERS):
+            total += c[G + j]
+        for j in range(CORNERS):
+            most = c[G + j] if c[G + j] > most else most
         out[v, start + k] = total / _F(CORNERS)
         out[v, start + channels + k] = most
 
@@ -310,7 +314,7 @@ def _near(c, mean, frame, v, tiny, layer, out, start):
 @_jit
 def _encode(records, position, normal, near, cover, table, weight, layer, near_layer, constants, turning, pooled, frames, seen):
     s = np.empty(ROWS * STRIDE, np.float32)
-    c = np.empty(NF + 14 * 8, np.float32)
+    c = np.empty(G + 8, np.float32)
     floor, tiny, rounding, smallest, farthest, edge_on = constants
     wide = len(layer)
     for v in range(len(position)):
