@@ -19,14 +19,16 @@ _jit = njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
 U, VECTOR, AREA, SIZE, FORM, SPREAD = (STRIDE * i for i in (0, 3, 6, 7, 8, 14))
 SHARE, DISTANCE, COVERED, ANGLE, HEIGHT, REACH, ABOVE, PARTLY = (STRIDE * i for i in range(20, 28))
 FEATURES = STRIDE * 28
-ROWS = 44
+TOP = STRIDE * 44
+ROWS = 45
 NEAR_FEATURES = 14
 
 
 @_jit
 def _gather(records, table, weight, v, count, position, s):
     px, py, pz = position[v, 0], position[v, 1], position[v, 2]
-    end = (count + LANES - 1) // LANES * LANES
+    blocks = (count + LANES - 1) // LANES
+    end = blocks * LANES
     stored = min(end, table.shape[1])
     for j in range(stored):
         row = table[v, j]
@@ -54,15 +56,15 @@ def _gather(records, table, weight, v, count, position, s):
     for j in range(stored, end):
         for row in range(21):
             s[row * STRIDE + j] = _F(0)
-    return end
+    return blocks
 
 
 @_jit
-def _weigh(s, count, nx, ny, nz, constants):
+def _weigh(s, blocks, nx, ny, nz, constants):
     floor, tiny, rounding, smallest, farthest, edge_on = constants
     four_pi = _F(4 * np.pi)
     sx, sy, sz, total, most, even = _F(0), _F(0), _F(0), _F(0), _F(0), _F(0)
-    for j in range(count):
+    for j in range(blocks * LANES):
         x, y, z = s[U + j], s[U + STRIDE + j], s[U + 2 * STRIDE + j]
         square = x * x + y * y + z * z + floor
         distance = np.sqrt(square)
@@ -104,19 +106,24 @@ def _weigh(s, count, nx, ny, nz, constants):
         sz += k * z
         even += k
         total += above
-    for j in range(count):
-        above = s[ABOVE + j]
-        most = above if above > most else most
+    for j in range(LANES):
+        s[TOP + j] = _F(0)
+    for block in range(blocks):
+        for j in range(LANES):
+            above = s[ABOVE + block * LANES + j]
+            s[TOP + j] = above if above > s[TOP + j] else s[TOP + j]
+    for j in range(LANES):
+        most = s[TOP + j] if s[TOP + j] > most else most
     return sx, sy, sz, even, total, most
 
 
 @_jit
-def _describe(s, count, frame, v, constants):
+def _describe(s, blocks, frame, v, constants):
     floor, tiny, rounding, smallest, farthest, edge_on = constants
     ax, ay, az = frame[v, 0, 0], frame[v, 1, 0], frame[v, 2, 0]
     bx, by, bz = frame[v, 0, 1], frame[v, 1, 1], frame[v, 2, 1]
     nx, ny, nz = frame[v, 0, 2], frame[v, 1, 2], frame[v, 2, 2]
-    for j in range(count):
+    for j in range(blocks * LANES):
         ux, uy, uz = s[U + j], s[U + STRIDE + j], s[U + 2 * STRIDE + j]
         vx, vy, vz = s[VECTOR + j], s[VECTOR + STRIDE + j], s[VECTOR + 2 * STRIDE + j]
         x, y, height = ux * ax + uy * ay + uz * az, ux * bx + uy * by + uz * bz, s[HEIGHT + j]
@@ -149,7 +156,7 @@ def _describe(s, count, frame, v, constants):
 
 
 @_jit
-def _pool(s, count, layer, out, v):
+def _pool(s, blocks, layer, out, v):
     channels = len(layer)
     for c in range(channels):
         w0, w1, w2, w3 = layer[c, 0], layer[c, 1], layer[c, 2], layer[c, 3]
@@ -158,7 +165,7 @@ def _pool(s, count, layer, out, v):
         w12, w13, w14, w15 = layer[c, 12], layer[c, 13], layer[c, 14], layer[c, 15]
         bias = layer[c, 16]
         a, p = _F(0), _F(0)
-        for j in range(count):
+        for j in range(blocks * LANES):
             h = bias + w0 * s[FEATURES + j] + w1 * s[FEATURES + STRIDE + j] + w2 * s[FEATURES + 2 * STRIDE + j]
             h += w3 * s[FEATURES + 3 * STRIDE + j] + w4 * s[FEATURES + 4 * STRIDE + j]
             h += w5 * s[FEATURES + 5 * STRIDE + j] + w6 * s[FEATURES + 6 * STRIDE + j]
@@ -321,13 +328,13 @@ def _encode(records, position, normal, near, cover, table, weight, layer, near_l
         count = table.shape[1]
         while count > 0 and weight[v, count - 1] == _F(0):
             count -= 1
-        count = _gather(records, table, weight, v, count, position, s)
+        blocks = _gather(records, table, weight, v, count, position, s)
         n = (normal[v, 0], normal[v, 1], normal[v, 2])
-        sx, sy, sz, even, total, most = _weigh(s, count, n[0], n[1], n[2], constants)
+        sx, sy, sz, even, total, most = _weigh(s, blocks, n[0], n[1], n[2], constants)
         rise, edge = _corners(near, v, c, constants, n)
         _frame((sx, sy, sz), even, (c[0], c[8], c[16]), n, turning, frames, v)
-        _describe(s, count, frames, v, constants)
-        _pool(s, count, layer, pooled, v)
+        _describe(s, blocks, frames, v, constants)
+        _pool(s, blocks, layer, pooled, v)
         _near(c, edge, frames, v, tiny, near_layer, pooled, 2 * wide)
         at = 2 * wide + 2 * len(near_layer)
         pooled[v, at] = total
