@@ -148,10 +148,15 @@ def _described(s, blocks, frames, v, constants):
 
 
 @_jit
-def _four(layer, c, i, x, at, step):
-    """Four terms of W f, from feature i on; in a loop LLVM would take these for the vectors."""
-    first = layer[c, i] * x[at + i * step] + layer[c, i + 1] * x[at + (i + 1) * step]
-    return first + layer[c, i + 2] * x[at + (i + 2) * step] + layer[c, i + 3] * x[at + (i + 3) * step]
+def _weights(layer, c, i):
+    """Four weights of a channel, from feature i on."""
+    return layer[c, i], layer[c, i + 1], layer[c, i + 2], layer[c, i + 3]
+
+
+@_jit
+def _four(w, x, at, step):
+    """Four terms of W f; of a loop over them LLVM would make the vectors."""
+    return w[0] * x[at] + w[1] * x[at + step] + w[2] * x[at + 2 * step] + w[3] * x[at + 3 * step]
 
 
 @_jit
@@ -159,11 +164,13 @@ def _pooled(s, blocks, layer, v, pooled):
     """Sums over the pairs of ReLU(W f + b) with both weights; the last column of `layer` is b."""
     channels = len(layer)
     for c in range(channels):
-        above, partly = _F(0), _F(0)
+        first, second = _weights(layer, c, 0), _weights(layer, c, 4)
+        third, fourth = _weights(layer, c, 8), _weights(layer, c, 12)
+        bias, above, partly = layer[c, FEATURE_COUNT], _F(0), _F(0)
         for j in range(blocks * LANES):
             f = FEATURES + j
-            h = layer[c, FEATURE_COUNT] + _four(layer, c, 0, s, f, STRIDE) + _four(layer, c, 4, s, f, STRIDE)
-            h += _four(layer, c, 8, s, f, STRIDE) + _four(layer, c, 12, s, f, STRIDE)
+            h = bias + _four(first, s, f, STRIDE) + _four(second, s, f + 4 * STRIDE, STRIDE)
+            h += _four(third, s, f + 8 * STRIDE, STRIDE) + _four(fourth, s, f + 12 * STRIDE, STRIDE)
             h = h if h > _F(0) else _F(0)
             above += h * s[ABOVE + j]
             partly += h * s[PARTLY + j]
@@ -278,11 +285,14 @@ def _near_pooled(c, edge, frames, layer, tiny, v, start, pooled):
         c[f + 13 * CORNERS] = _fourth_root(away, tiny)
     channels = len(layer)
     for k in range(channels):
+        # here, as for all that LLVM knows what is written below might be the layer
+        first, second, third = _weights(layer, k, 0), _weights(layer, k, 4), _weights(layer, k, 8)
+        last, bias = (layer[k, 12], layer[k, 13]), layer[k, NEAR_COUNT]
         for j in range(CORNERS):
             f = NEAR_FEATURES + j
-            h = layer[k, NEAR_COUNT] + _four(layer, k, 0, c, f, CORNERS) + _four(layer, k, 4, c, f, CORNERS)
-            h += _four(layer, k, 8, c, f, CORNERS)
-            h += layer[k, 12] * c[f + 12 * CORNERS] + layer[k, 13] * c[f + 13 * CORNERS]
+            h = bias + _four(first, c, f, CORNERS) + _four(second, c, f + 4 * CORNERS, CORNERS)
+            h += _four(third, c, f + 8 * CORNERS, CORNERS)
+            h += last[0] * c[f + 12 * CORNERS] + last[1] * c[f + 13 * CORNERS]
             c[CHANNEL + j] = h if h > _F(0) else _F(0)
         total, most = _F(0), _F(0)
         for j in range(CORNERS):
