@@ -9,12 +9,12 @@ One array and a constant distance between rows let LLVM see that no loop overwri
 makes every loop over j one of whole vectors. For the same reason loops run over whole blocks of LANES pairs (what fills
 the last one has weight 0), a maximum is taken lane by lane, and what is compared is a conditional expression.
 
-Functions of Numba are without annotations, which the tests would wrap, and take whole arrays and the number v of a
-vertex, as a slice would cost more than what is done with it. Numba compiles anew when this file changes and looks at no
-other: hence constants of `surfel_pairs` come as arguments.
+What Numba compiles is marked `no_type_check`, as the tests would wrap it otherwise, and takes whole arrays and the number
+v of a vertex, as a slice would cost more than what is done with it. Numba compiles anew when this file changes and looks
+at no other: hence constants of `surfel_pairs` come as arguments.
 """
 
-from typing import Any
+from typing import Any, no_type_check
 
 import numpy as np
 from jaxtyping import Float
@@ -45,6 +45,7 @@ _jit = njit(nogil=True, fastmath={"reassoc", "nsz", "arcp", "contract", "afn"}, 
 
 
 @_jit
+@no_type_check
 def _gathered(records, table, weight, v, offset, s):
     """Records of the list of a vertex, as rows, and how many blocks of LANES it has."""
     count = table.shape[1]
@@ -66,6 +67,7 @@ def _gathered(records, table, weight, v, offset, s):
 
 
 @_jit
+@no_type_check
 def _quadratic(s, form, j, x, y, z):
     """u' S u of pair j, at least 0."""
     even = s[form + j] * x * x + s[form + STRIDE + j] * y * y + s[form + 2 * STRIDE + j] * z * z
@@ -75,12 +77,14 @@ def _quadratic(s, form, j, x, y, z):
 
 
 @_jit
+@no_type_check
 def _clipped(x, low, high):
     x = x if x > low else low
     return x if x < high else high
 
 
 @_jit
+@no_type_check
 def _weighed(s, blocks, n, constants):
     """Weights of the pairs; sum of k u, of k, of q w c, and the largest of these."""
     floor, tiny, rounding, smallest, farthest, edge_on = constants
@@ -122,6 +126,7 @@ def _weighed(s, blocks, n, constants):
 
 
 @_jit
+@no_type_check
 def _described(s, blocks, frames, v, constants):
     """Features of the pairs, in the order of `surfel_pairs`."""
     floor, tiny, rounding, smallest, farthest, edge_on = constants
@@ -148,18 +153,21 @@ def _described(s, blocks, frames, v, constants):
 
 
 @_jit
+@no_type_check
 def _weights(layer, c, i):
     """Four weights of a channel, from feature i on."""
     return layer[c, i], layer[c, i + 1], layer[c, i + 2], layer[c, i + 3]
 
 
 @_jit
+@no_type_check
 def _four(w, x, at, step):
     """Four terms of W f; of a loop over them LLVM would make the vectors."""
     return w[0] * x[at] + w[1] * x[at + step] + w[2] * x[at + 2 * step] + w[3] * x[at + 3 * step]
 
 
 @_jit
+@no_type_check
 def _pooled(s, blocks, layer, v, pooled):
     """Sums over the pairs of ReLU(W f + b) with both weights; the last column of `layer` is b."""
     channels = len(layer)
@@ -178,26 +186,31 @@ def _pooled(s, blocks, layer, v, pooled):
 
 
 @_jit
+@no_type_check
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @_jit
+@no_type_check
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @_jit
+@no_type_check
 def _axis(frames, v, i):
     return frames[v, 0, i], frames[v, 1, i], frames[v, 2, i]
 
 
 @_jit
+@no_type_check
 def _fourth_root(x, tiny):
     return np.sqrt(np.sqrt(x if x > tiny else tiny))
 
 
 @_jit
+@no_type_check
 def _normalized(a):
     """`safe_normalize`."""
     largest = max(abs(a[0]), abs(a[1]), abs(a[2]))
@@ -209,12 +222,14 @@ def _normalized(a):
 
 
 @_jit
+@no_type_check
 def _tangential(a, n):
     up = _dot(a, n)
     return a[0] - up * n[0], a[1] - up * n[1], a[2] - up * n[2]
 
 
 @_jit
+@no_type_check
 def _any_tangent(n):
     """The first axis of `orthonormal_frame`."""
     x, y, z = n
@@ -228,6 +243,7 @@ def _any_tangent(n):
 
 
 @_jit
+@no_type_check
 def _turned(hidden, even, corner, n, turning, v, frames):
     """The frame of a vertex, from the sums of k u and of k and the direction of its first corner."""
     tiny, least, faint, cos, sin = turning
@@ -249,6 +265,7 @@ def _turned(hidden, even, corner, n, turning, v, frames):
 
 
 @_jit
+@no_type_check
 def _neared(near, v, n, constants, c):
     """Direction, normal and distance of the corners, as rows; means of their rise and of their distance."""
     floor, tiny, rounding, smallest, farthest, edge_on = constants
@@ -269,6 +286,7 @@ def _neared(near, v, n, constants, c):
 
 
 @_jit
+@no_type_check
 def _near_pooled(c, edge, frames, layer, tiny, v, start, pooled):
     """Mean and largest over the corners of ReLU(W f + b), from column `start` on."""
     a, b, n = _axis(frames, v, 0), _axis(frames, v, 1), _axis(frames, v, 2)
@@ -303,6 +321,7 @@ def _near_pooled(c, edge, frames, layer, tiny, v, start, pooled):
 
 
 @_jit
+@no_type_check
 def _encode(arrays, layers, constants, turning, pooled, frames, seen):
     """All vertices of a part in turn: see `encode_on_host`."""
     records, position, normal, near, cover, table, weight = arrays
