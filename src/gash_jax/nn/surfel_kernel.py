@@ -9,9 +9,9 @@ One array and a constant distance between rows let LLVM see that no loop overwri
 makes every loop over j one of whole vectors. For the same reason loops run over whole blocks of LANES pairs (what fills
 the last one has weight 0), a maximum is taken lane by lane, and what is compared is a conditional expression.
 
-What Numba compiles is marked `no_type_check`, as the tests would wrap it otherwise, and takes whole arrays and the number
-v of a vertex, as a slice would cost more than what is done with it. Numba compiles anew when this file changes and looks
-at no other: hence constants of `surfel_pairs` come as arguments.
+What Numba compiles is marked `no_type_check`, as the tests would wrap it otherwise, and takes whole arrays and the
+number v of a vertex, as a slice would cost more than what is done with it. Numba compiles anew when this file changes
+and looks at no other: hence constants of `surfel_pairs` come as arguments.
 """
 
 from typing import Any, no_type_check
@@ -366,8 +366,9 @@ def encode_on_host(
             f"lists of {width} surfels and {corners} corners: `surfel_kernel` takes up to {MOST} and {CORNERS}"
         )
     names = ("position", "normal", "near", "cover", "weight")
-    position, normal, near, cover, weight = (np.require(part[name], np.float32, "CW") for name in names)
-    table, records = np.require(part["table"], np.int32, "CW"), np.require(records, np.float32, "CW")
+    # read-only arrays, as those of JAX are, would be compiled for anew
+    position, normal, near, cover, weight = (np.require(part[name], np.float32, ["C", "W"]) for name in names)
+    table, records = np.require(part["table"], np.int32, ["C", "W"]), np.require(records, np.float32, ["C", "W"])
     layers = _layer(params["surfel"], FEATURE_COUNT), _layer(params["near"], NEAR_COUNT)
     count, channels = len(position), 2 * sum(len(layer) for layer in layers) + 6
     pooled, frames = np.empty((count, channels), np.float32), np.empty((count, 3, 3), np.float32)
