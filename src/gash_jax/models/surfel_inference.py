@@ -117,7 +117,8 @@ def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | 
             for part, first, end in zip(graph.parts, starts[:-1], starts[1:], strict=True)
             if first < stop and start < end
         ]
-        together = tuple(np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        # seldom of more than one part
+        together = tuple(np.concatenate(a) for a in zip(*found, strict=True)) if len(found) > 1 else found[0]
         return np.asarray(decode_found(module, params, *_filled(together, normals[start:stop])))[: stop - start]
 
     records = np.asarray(graph.records)
