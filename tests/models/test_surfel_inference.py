@@ -23,6 +23,7 @@ from gash_jax.models.surfel_inference import (
     predict_on_host,
     predict_surfels,
 )
+from gash_jax.nn import surfel_kernel
 from gash_jax.nn.surfel_net import by_band
 from gash_jax.prt.bounce_series import summed
 from tests.helpers.bumpy import bumpy_mesh, random_variables, surfel_parts
@@ -57,12 +58,9 @@ def _whole(bands: int = 3, bounces: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("workers", [1, 3, None])
-@pytest.mark.parametrize(("pairs", "vertices"), [(surfel_lists.CALL, inference.VERTICES), (3072, 64)])
-def test_calls_predict_as_the_whole_does(
-    workers: int | None, pairs: int, vertices: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("vertices", [inference.VERTICES, 64])
+def test_calls_predict_as_the_whole_does(workers: int | None, vertices: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One call or many, each of few vertices."""
-    monkeypatch.setattr(surfel_lists, "CALL", pairs)
     monkeypatch.setattr(inference, "VERTICES", vertices)
     coefficients, error = predict_surfels(MODULE, _params(), _graph(), workers)
     np.testing.assert_allclose(coefficients, _whole()[:, :9], atol=1e-5)
@@ -147,14 +145,14 @@ def test_no_vertices_and_no_area() -> None:
 
 
 def test_calls_are_compiled_before_they_are_needed() -> None:
-    def compiled() -> int:
-        calls: Any = (inference.encode_part, inference.decode_found)
-        return sum(call._cache_size() for call in calls)
+    def compiled() -> tuple[int, int]:
+        decode: Any = inference.decode_found
+        return decode._cache_size(), len(surfel_kernel._encode.signatures)
 
     module, before = MODULE.clone(bands=2), compiled()  # of its own for this test
     compile_calls(module, _params(), _graph())
     after = compiled()
-    assert after == before + len(WIDTHS) + 1
+    assert after == (before[0] + 1, 1)
     predict_surfels(module, _params(), _graph())
     predict_surfels(module, _params(), model_graph(CONFIG, bumpy_mesh(333)))
     assert compiled() == after

@@ -1,8 +1,8 @@
 """Predictions of the surfel network, a few vertices at a time.
 
-No vertex knows of another, so memory stays bounded, the intermediates stay in the cache, and a few compiled functions
-serve every mesh: one for each width of list up to what is pooled, and one for the rest. `apply_surfels` is the same as
-a JAX function, for derivatives and `vmap`.
+No vertex knows of another, so memory stays bounded, the intermediates stay in the cache, and two compiled functions
+serve every mesh: up to what is pooled one of Numba (`nn.surfel_kernel`), and for the rest one of JAX, for so many
+vertices at a time. `apply_surfels` is the same as a JAX function, for derivatives and `vmap`.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -18,31 +18,17 @@ from jaxtyping import Array, Float
 from gash_jax.algebra.sh import band_index
 from gash_jax.files.cores import available_cores
 from gash_jax.graph.surfel_graph import Part, SurfelGraph, with_surfels
-from gash_jax.graph.surfel_lists import WIDTHS, call_size
+from gash_jax.graph.surfel_lists import call_size
+from gash_jax.nn.surfel_kernel import encode_on_host
 
-# in a call of the second half
+# in a call
 VERTICES = 1024
-
-
-@partial(jax.jit, static_argnames="module")
-def encode_part(module: nn.Module, params: Any, part: Part) -> tuple[Array, Array, Array]:
-    """What `SurfelNet.encode` finds of some vertices whose lists have one width."""
-    return module.apply({"params": params}, part, method="encode")  # type: ignore[return-value]
 
 
 @partial(jax.jit, static_argnames="module")
 def decode_found(module: nn.Module, params: Any, found: Any, normals: Array) -> Float[Array, "n m"]:
     """What the network says of some vertices, of lists of any width."""
     return module.apply({"params": params}, *found, normals, method="decode")  # type: ignore[return-value]
-
-
-def _filled(arrays: Any, size: int) -> Any:
-    """Arrays of some vertices, cut or with zeros to `size` of them."""
-    return jax.tree.map(lambda a: a[:size] if len(a) >= size else _longer(a, size), arrays)
-
-
-def _longer(a: np.ndarray, size: int) -> np.ndarray:
-    return np.concatenate([a, np.zeros((size - len(a), *a.shape[1:]), a.dtype)])
 
 
 class Terms(NamedTuple):
@@ -88,11 +74,8 @@ def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[A
 
 def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
     """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
-    empty = [{name: array[:0] for name, array in part.items()} for part in graph.parts]
-    parts = [_filled(with_surfels(part, graph.records), call_size(w)) for part, w in zip(empty, WIDTHS, strict=True)]
-    found = [encode_part(module, params, part) for part in parts][-1]
-    normals = np.zeros((VERTICES, 3), np.float32)
-    jax.block_until_ready(decode_found(module, params, _filled(jax.tree.map(np.asarray, found), VERTICES), normals))
+    found = encode_on_host(params, graph.parts[0], graph.records)
+    jax.block_until_ready(decode_found(module, params, *_filled(found, graph.parts[0]["normal"])))
 
 
 def predict_surfels(
@@ -121,27 +104,32 @@ def predict_bounces(module: nn.Module, params: Any, graph: SurfelGraph, bounces:
 
 
 def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | None) -> Float[np.ndarray, "n m"]:
-    """What the network says of all vertices of the parts in turn: calls of few sizes, spread over threads."""
-    workers = workers or available_cores()
-    calls = [
-        (part, start, call_size(width))
-        for part, width in zip(graph.parts, WIDTHS, strict=True)
-        for start in range(0, len(part["normal"]), call_size(width))
-    ]
-
-    def encode(given: tuple[Part, int, int]) -> tuple[np.ndarray, ...]:
-        part, start, size = given
-        own = with_surfels({name: a[start : start + size] for name, a in part.items()}, graph.records)
-        found = encode_part(module, params, _filled(own, size))
-        return tuple(np.asarray(array)[: len(own["normal"])] for array in found)
-
-    def decode(start: int) -> np.ndarray:
-        found, own = (_filled(jax.tree.map(lambda a: a[start:], arrays), VERTICES) for arrays in (encoded, normals))
-        return np.asarray(decode_found(module, params, found, own))[: len(normals) - start]
-
-    if not calls:  # a mesh without vertices
-        return np.zeros((0, (module.bounces + 1) * (module.bands**2 + module.bands)), np.float32)
+    """What the network says of all vertices of the parts in turn: calls of one size, spread over threads."""
     normals = np.concatenate([part["normal"] for part in graph.parts])
-    with ThreadPoolExecutor(workers) as pool:
-        encoded = tuple(np.concatenate(arrays) for arrays in zip(*pool.map(encode, calls), strict=True))
-        return np.concatenate(list(pool.map(decode, range(0, len(normals), VERTICES))))
+    if not len(normals):
+        return np.zeros((0, (module.bounces + 1) * (module.bands**2 + module.bands)), np.float32)
+    starts = np.cumsum([0, *(len(part["normal"]) for part in graph.parts)]).tolist()
+
+    def call(start: int) -> np.ndarray:
+        stop = min(start + VERTICES, len(normals))
+        found = [
+            encode_on_host(params, {name: a[max(start - first, 0) : stop - first] for name, a in part.items()}, records)
+            for part, first, end in zip(graph.parts, starts[:-1], starts[1:], strict=True)
+            if first < stop and start < end
+        ]
+        # seldom of more than one part
+        together = tuple(np.concatenate(a) for a in zip(*found, strict=True)) if len(found) > 1 else found[0]
+        return np.asarray(decode_found(module, params, *_filled(together, normals[start:stop])))[: stop - start]
+
+    records = np.asarray(graph.records)
+    with ThreadPoolExecutor(workers or available_cores()) as pool:
+        return np.concatenate(list(pool.map(call, range(0, len(normals), VERTICES))))
+
+
+def _filled(found: tuple[np.ndarray, ...], normals: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """What was found of some vertices, and their normals, with zeros to the size of a call."""
+    missing = VERTICES - len(normals)
+    if not missing:
+        return found, normals
+    longer = [np.concatenate([a, np.zeros((missing, *a.shape[1:]), a.dtype)]) for a in (*found, normals)]
+    return tuple(longer[:-1]), longer[-1]
