@@ -147,7 +147,7 @@ def test_no_vertices_and_no_area() -> None:
 def test_calls_are_compiled_before_they_are_needed() -> None:
     def compiled() -> tuple[int, int]:
         decode: Any = inference.decode_found
-        return decode._cache_size(), len(surfel_kernel._encode.signatures)
+        return decode._cache_size(), len(surfel_kernel.encode.signatures)
 
     module, before = MODULE.clone(bands=2), compiled()  # of its own for this test
     compile_calls(module, _params(), _graph())

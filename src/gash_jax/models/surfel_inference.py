@@ -1,7 +1,7 @@
 """Predictions of the surfel network, a few vertices at a time.
 
 No vertex knows of another, so memory stays bounded, the intermediates stay in the cache, and two compiled functions
-serve every mesh: up to what is pooled one of Numba (`nn.surfel_kernel`), and for the rest one of JAX, for so many
+serve every mesh: up to what is pooled one of Numba (`nn.surfel_encode`), and for the rest one of JAX, for so many
 vertices at a time. `apply_surfels` is the same as a JAX function, for derivatives and `vmap`.
 """
 
@@ -19,7 +19,7 @@ from gash_jax.algebra.sh import band_index
 from gash_jax.files.cores import available_cores
 from gash_jax.graph.surfel_graph import Part, SurfelGraph, with_surfels
 from gash_jax.graph.surfel_lists import call_size
-from gash_jax.nn.surfel_kernel import encode_on_host
+from gash_jax.nn.surfel_encode import encode_on_host
 
 # in a call
 VERTICES = 1024

@@ -1,4 +1,4 @@
-"""`SurfelNet.encode` on the host: one pass over the pairs of each vertex, compiled by Numba.
+"""The pairs of `SurfelNet.encode` on the host: one pass over those of each vertex, compiled by Numba.
 
 Notation and formulas are those of `surfel_net` and `surfel_pairs`, which XLA compiles for whoever needs derivatives,
 `vmap` or an accelerator; there every intermediate of every pair goes through memory, and lists are as long as the
@@ -14,17 +14,13 @@ number v of a vertex, as a slice would cost more than what is done with it. Numb
 and looks at no other: hence constants of `surfel_pairs` come as arguments.
 """
 
-from typing import Any, no_type_check
+from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float
 from numba import njit
 
-from gash_jax.nn import surfel_pairs as given
-from gash_jax.nn.surfel_pairs import Part
-
-# surfels in a list, corners of a vertex
-MOST, CORNERS = 256, 8
+# surfels in a list
+MOST = 256
 LANES = 8
 # not a power of two: rows would share the same few lines of the cache
 STRIDE = MOST + 16
@@ -34,11 +30,16 @@ OFFSET, VECTOR, AREA, SIZE, FORM, SPREAD = (STRIDE * i for i in (0, 3, 6, 7, 8, 
 SHARE, DISTANCE, COVERED, ANGLE, HEIGHT, REACH, ABOVE, PARTLY, LARGEST = (STRIDE * i for i in range(RECORD, 29))
 FEATURES, FEATURE_COUNT = STRIDE * 29, 16
 NUMBERS = STRIDE * (29 + FEATURE_COUNT)
-# of a corner: direction, normal, distance, one channel, features
-CHANNEL, NEAR_FEATURES, NEAR_COUNT = 7 * CORNERS, 8 * CORNERS, 14
-NEAR_NUMBERS = NEAR_FEATURES + NEAR_COUNT * CORNERS
 
+# what is read of a pair after its weights are known
+READ = (
+    *(OFFSET + STRIDE * i for i in range(3)),
+    *(VECTOR + STRIDE * i for i in range(3)),
+    *(AREA, SIZE, DISTANCE, COVERED, ANGLE, HEIGHT, REACH, ABOVE, PARTLY),
+)
 _F = np.float32
+# moving them costs about as much as the pairs of a fifth of a list
+MOST_KEPT = _F(0.8)
 TINIEST = np.finfo(np.float32).tiny
 # sums in any order, but what is not finite stays so
 _jit = njit(nogil=True, fastmath={"reassoc", "nsz", "arcp", "contract", "afn"}, error_model="numpy", cache=True)
@@ -266,116 +267,50 @@ def _turned(hidden, even, corner, n, turning, v, frames):
 
 @_jit
 @no_type_check
-def _neared(near, v, n, constants, c):
-    """Direction, normal and distance of the corners, as rows; means of their rise and of their distance."""
-    floor, tiny, rounding, smallest, farthest, edge_on = constants
-    rise, edge = _F(0), _F(0)
-    for j in range(CORNERS):
-        for i in range(6):
-            c[CORNERS * i + j] = near[v, 6 * j + i]
-    for j in range(CORNERS):
-        x, y, z = c[j], c[CORNERS + j], c[2 * CORNERS + j]
-        away = np.sqrt(x * x + y * y + z * z + floor)
-        inverse = _F(1) / away
-        x, y, z = x * inverse, y * inverse, z * inverse
-        c[j], c[CORNERS + j], c[2 * CORNERS + j], c[6 * CORNERS + j] = x, y, z, away
-        edge += away
-        up = x * n[0] + y * n[1] + z * n[2] - rounding * inverse
-        rise += up if up > _F(0) else _F(0)
-    return rise / _F(CORNERS), edge / _F(CORNERS)
-
-
-@_jit
-@no_type_check
-def _near_pooled(c, edge, frames, layer, tiny, v, start, pooled):
-    """Mean and largest over the corners of ReLU(W f + b), from column `start` on."""
-    a, b, n = _axis(frames, v, 0), _axis(frames, v, 1), _axis(frames, v, 2)
-    per = _F(1) / (edge + _F(1e-9))
-    for j in range(CORNERS):
-        u, m = (c[j], c[CORNERS + j], c[2 * CORNERS + j]), (c[3 * CORNERS + j], c[4 * CORNERS + j], c[5 * CORNERS + j])
-        x, y, z, away = _dot(u, a), _dot(u, b), _dot(u, n), c[6 * CORNERS + j]
-        f = NEAR_FEATURES + j
-        c[f], c[f + CORNERS], c[f + 2 * CORNERS] = x, y, z
-        c[f + 3 * CORNERS], c[f + 4 * CORNERS], c[f + 5 * CORNERS] = x * y, y * z, x * z
-        c[f + 6 * CORNERS], c[f + 7 * CORNERS] = _F(0.5) * (x * x - y * y), z * z
-        c[f + 8 * CORNERS], c[f + 9 * CORNERS], c[f + 10 * CORNERS] = _dot(m, a), _dot(m, b), _dot(m, n)
-        c[f + 11 * CORNERS], c[f + 12 * CORNERS] = _dot(m, u), away * per
-        c[f + 13 * CORNERS] = _fourth_root(away, tiny)
-    channels = len(layer)
-    for k in range(channels):
-        # here, as for all that LLVM knows what is written below might be the layer
-        first, second, third = _weights(layer, k, 0), _weights(layer, k, 4), _weights(layer, k, 8)
-        last, bias = (layer[k, 12], layer[k, 13]), layer[k, NEAR_COUNT]
-        for j in range(CORNERS):
-            f = NEAR_FEATURES + j
-            h = bias + _four(first, c, f, CORNERS) + _four(second, c, f + 4 * CORNERS, CORNERS)
-            h += _four(third, c, f + 8 * CORNERS, CORNERS)
-            h += last[0] * c[f + 12 * CORNERS] + last[1] * c[f + 13 * CORNERS]
-            c[CHANNEL + j] = h if h > _F(0) else _F(0)
-        total, most = _F(0), _F(0)
-        for j in range(CORNERS):
-            total += c[CHANNEL + j]
-        for j in range(CORNERS):
-            most = c[CHANNEL + j] if c[CHANNEL + j] > most else most
-        pooled[v, start + k], pooled[v, start + channels + k] = total / _F(CORNERS), most
-
-
-@_jit
-@no_type_check
-def _encode(arrays, layers, constants, turning, pooled, frames, seen):
-    """All vertices of a part in turn: see `encode_on_host`."""
+def encode(arrays, layer, constants, turning, pooled, frames, seen):
+    """All vertices of a part in turn: see `surfel_encode`. Of `pooled` the columns of the corners are left out."""
     records, position, normal, near, cover, table, weight = arrays
-    layer, near_layer = layers
-    s, c = np.empty(NUMBERS, np.float32), np.empty(NEAR_NUMBERS, np.float32)
-    tiny = constants[1]
+    s = np.empty(NUMBERS, np.float32)
+    last = pooled.shape[1] - 6
     for v in range(len(position)):
         n = (normal[v, 0], normal[v, 1], normal[v, 2])
         blocks = _gathered(records, table, weight, v, position, s)
         hidden, even, total, most = _weighed(s, blocks, n, constants)
-        rise, edge = _neared(near, v, n, constants, c)
-        _turned(hidden, even, (c[0], c[CORNERS], c[2 * CORNERS]), n, turning, v, frames)
+        _turned(hidden, even, _corner(near, v, constants), n, turning, v, frames)
+        blocks = _kept(s, blocks)
         _described(s, blocks, frames, v, constants)
         _pooled(s, blocks, layer, v, pooled)
-        at = 2 * len(layer)
-        _near_pooled(c, edge, frames, near_layer, tiny, v, at, pooled)
-        at += 2 * len(near_layer)
-        pooled[v, at], pooled[v, at + 1], pooled[v, at + 2] = total, most, _fourth_root(edge, tiny)
+        pooled[v, last], pooled[v, last + 1] = total, most
         for i in range(3):
-            pooled[v, at + 3 + i] = _dot((cover[v, 0], cover[v, 1], cover[v, 2]), _axis(frames, v, i))
-        seen[v] = total + rise + pooled[v, at + 5]
+            pooled[v, last + 3 + i] = _dot((cover[v, 0], cover[v, 1], cover[v, 2]), _axis(frames, v, i))
+        seen[v] = total + pooled[v, last + 5]
 
 
-def _layer(params: Any, features: int) -> np.ndarray:
-    """W and b of a layer, one channel a row."""
-    kernel, bias = (np.asarray(params[name], np.float32) for name in ("kernel", "bias"))
-    if len(kernel) != features:
-        raise ValueError(f"a layer of {len(kernel)} features: `surfel_kernel` knows {features}, use `SurfelNet.encode`")
-    return np.ascontiguousarray(np.concatenate([kernel, bias[None]]).T)
+@_jit
+@no_type_check
+def _corner(near, v, constants):
+    """The direction of the first corner."""
+    x, y, z = near[v, 0], near[v, 1], near[v, 2]
+    per = _F(1) / np.sqrt(x * x + y * y + z * z + constants[0])
+    return x * per, y * per, z * per
 
 
-def encode_on_host(
-    params: Any, part: Part, records: Any
-) -> tuple[Float[np.ndarray, "v c"], Float[np.ndarray, "v 3 3"], Float[np.ndarray, "v"]]:
-    """What `SurfelNet.encode` finds of a part with its `table`, rows of the `records` (s, 20).
-
-    Raises ValueError for lists, corners or layers that it is not made for.
-    """
-    width, corners = part["table"].shape[1], part["near"].shape[1] // 6
-    if width > MOST or corners != CORNERS:
-        raise ValueError(
-            f"lists of {width} surfels and {corners} corners: `surfel_kernel` takes up to {MOST} and {CORNERS}"
-        )
-    names = ("position", "normal", "near", "cover", "weight")
-    # read-only arrays, as those of JAX are, would be compiled for anew
-    position, normal, near, cover, weight = (np.require(part[name], np.float32, ["C", "W"]) for name in names)
-    table, records = np.require(part["table"], np.int32, ["C", "W"]), np.require(records, np.float32, ["C", "W"])
-    layers = _layer(params["surfel"], FEATURE_COUNT), _layer(params["near"], NEAR_COUNT)
-    count, channels = len(position), 2 * sum(len(layer) for layer in layers) + 6
-    pooled, frames = np.empty((count, channels), np.float32), np.empty((count, 3, 3), np.float32)
-    seen = np.empty(count, np.float32)
-    edge_on = given.EDGE_ON / (4 * np.pi)
-    constants = (given.FLOOR, given.TINY, given.ROUNDING, given.SMALLEST_AREA, given.FARTHEST, edge_on)
-    turning = (given.TINY, given.EVEN, given.FAINT, np.cos(given.ASIDE), np.sin(given.ASIDE))
-    arrays = (records, position, normal, near, cover, table, weight)
-    _encode(arrays, layers, tuple(map(_F, constants)), tuple(map(_F, turning)), pooled, frames, seen)
-    return pooled, frames, seen
+@_jit
+@no_type_check
+def _kept(s, blocks):
+    """Where much of the list has no weight, as below the horizon of a mesh that moves, only the rest goes on."""
+    count = 0
+    for j in range(blocks * LANES):
+        count += 1 if s[PARTLY + j] > _F(0) else 0
+    kept = (count + LANES - 1) // LANES
+    if _F(kept) > MOST_KEPT * _F(blocks):
+        return blocks
+    at = 0
+    for j in range(blocks * LANES):
+        if s[PARTLY + j] > _F(0):
+            for row in READ:
+                s[row + at] = s[row + j]
+            at += 1
+    for j in range(at, kept * LANES):
+        s[ABOVE + j], s[PARTLY + j] = _F(0), _F(0)
+    return kept

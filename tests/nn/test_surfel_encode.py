@@ -11,7 +11,9 @@ import pytest
 from gash_jax.geometry.mesh import Mesh
 from gash_jax.graph.surfel_graph import NEAR, SurfelGraph, surfel_graph, with_surfels
 from gash_jax.graph.surfel_lists import WIDTHS
-from gash_jax.nn.surfel_kernel import CORNERS, MOST, encode_on_host
+from gash_jax.nn.corner_kernel import CORNERS
+from gash_jax.nn.surfel_encode import encode_on_host
+from gash_jax.nn.surfel_kernel import MOST
 from gash_jax.nn.surfel_net import SurfelNet
 from tests.helpers.bumpy import bumpy_mesh, random_rotation
 from tests.helpers.surfel_cases import bumpy_case
