@@ -417,11 +417,11 @@ def surfel_records(tree: Tree, points: np.ndarray, faces: np.ndarray) -> np.ndar
     """(s + 1, 20): moments of all surfels, and last an empty one."""
     corner = points[faces[np.maximum(tree.face, 0)]].transpose(1, 2, 0)  # (3 corners, 3, l)
     weight = PIECES[tree.piece].transpose(1, 2, 0)[:, :, None]
-    p = weight[:, 0] * corner[0] + weight[:, 1] * corner[1] + weight[:, 2] * corner[2]
+    real = (tree.face >= 0).astype(np.float32)
+    p = real * (weight[:, 0] * corner[0] + weight[:, 1] * corner[1] + weight[:, 2] * corner[2])
     center = (p[0] + p[1] + p[2]) / 3
     e = p - center
-    real = (tree.face >= 0).astype(np.float32)
-    vector = 0.5 * real * np.cross(e[1] - e[0], e[2] - e[0], axis=0)
+    vector = 0.5 * np.cross(e[1] - e[0], e[2] - e[0], axis=0)
     area = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     products = e[:, ROW] * e[:, COLUMN]
     level = np.concatenate([center, vector, area[None], (products[0] + products[1] + products[2]) / 12])

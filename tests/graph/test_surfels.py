@@ -154,10 +154,14 @@ def test_jax_gives_the_same_records() -> None:
     np.testing.assert_allclose(traced, records, atol=1e-5)
 
 
-def test_the_last_record_is_empty() -> None:
-    *_, records = _bumpy()
-    np.testing.assert_array_equal(records[-1], 0)
-    assert records[-2, 7] > 0
+def test_records_without_a_surfel_are_empty() -> None:
+    """The last, and what fills up a family, with NumPy and JAX alike."""
+    positions, faces, tree, records = _bumpy()
+    leaves = np.append(tree.face >= 0, False)
+    for found in (records, np.asarray(surfel_records(tree, positions, faces, jnp))):
+        own = found[-len(leaves) :]
+        np.testing.assert_array_equal(own[~leaves], 0)
+        assert np.all(own[leaves, 7] > 0) and 1 < np.count_nonzero(~leaves) < FAN + 1
 
 
 def test_records_turn_and_grow_with_the_mesh(rotation: np.ndarray) -> None:

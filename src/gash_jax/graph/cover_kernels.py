@@ -1,4 +1,4 @@
-"""The formula of `surfel_cover` as a compiled loop over pairs, for arrays on the host.
+"""The formula of `surfel_cover` as compiled loops over pairs, for arrays on the host.
 
 Most leaves beside a vertex do not reach above its horizon, and take no time here. Kernels call nothing of other files,
 as Numba looks for changes in this one alone.
@@ -42,6 +42,19 @@ def add_cover(vertex, leaf, weight, face, piece, pieces, faces, positions, norma
         if height > ZERO:
             for i in range(3):
                 found[v, i] += weight[pair] * height * towards * total[i]
+
+
+@_compiled
+@no_type_check
+def keep_others(vertex, leaf, weight, vertices, face, faces):
+    """Number the vertices as `vertices` does, and keep in place the leaves that are no part of their own faces."""
+    kept = 0
+    for pair in range(len(vertex)):
+        v, row = vertices[vertex[pair]], face[leaf[pair]]
+        if faces[row, 0] != v and faces[row, 1] != v and faces[row, 2] != v:
+            vertex[kept], leaf[kept], weight[kept] = v, leaf[pair], weight[pair]
+            kept += 1
+    return kept
 
 
 @_compiled

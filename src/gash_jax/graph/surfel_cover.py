@@ -20,6 +20,7 @@ horizon, that is what covers. The faces of which a vertex is itself a corner are
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -27,7 +28,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.graph.cover_kernels import add_cover
+from gash_jax.files.cores import available_cores
+from gash_jax.graph.cover_kernels import add_cover, keep_others
 from gash_jax.graph.surfel_pieces import PIECES
 from gash_jax.graph.surfel_walk import CLOSE, Beside
 from gash_jax.graph.surfels import SurfelTree
@@ -66,10 +68,9 @@ def without_own(
     pairs: ClosePairs, vertices: Int[np.ndarray, "n"], tree: SurfelTree, faces: Int[np.ndarray, "f 3"]
 ) -> ClosePairs:
     """Those whose leaf is no part of a face of the vertex; their vertex i is number `vertices[i]` of the mesh."""
-    pairs = pairs._replace(vertex=np.take(vertices, pairs.vertex))
-    corners = np.take(faces, tree.face[pairs.leaf], axis=0)
-    others = np.flatnonzero((corners != pairs.vertex[:, None]).all(axis=1))
-    return ClosePairs(*(np.take(array, others) for array in pairs))
+    arrays = [array.copy() for array in pairs]
+    count = keep_others(*arrays, vertices, tree.face, faces)
+    return ClosePairs(*(array[:count] for array in arrays))
 
 
 def surfel_cover(
@@ -83,8 +84,17 @@ def surfel_cover(
     """The cover of every vertex; NumPy, or with `xp` = jax.numpy under jit."""
     if xp is np:
         found = np.zeros((len(positions), 3), np.float32)
-        pieces = tree.face, tree.piece, PIECES, faces
-        add_cover(*pairs, *pieces, positions, normals, TOUCHING, found)
+        workers = available_cores()
+        # pairs are in the order of their vertices, and no two threads have the same one
+        ends = np.linspace(0, len(positions), workers + 1).astype(np.int64)
+        starts = np.searchsorted(pairs.vertex, ends).tolist()
+
+        def add(some: ClosePairs) -> None:
+            add_cover(*some, tree.face, tree.piece, PIECES, faces, positions, normals, TOUCHING, found)
+
+        with ThreadPoolExecutor(workers) as pool:
+            spans = [slice(start, end) for start, end in zip(starts[:-1], starts[1:], strict=True)]
+            list(pool.map(lambda span: add(ClosePairs(*(array[span] for array in pairs))), spans))
         return found
     points, place = [positions[:, i] for i in range(3)], pairs.vertex
     corner = np.take(faces, tree.face[pairs.leaf], axis=0)

@@ -56,7 +56,8 @@ def list_surfels(
     blocks = surfel_blocks(tree, records)
     own = np.concatenate([positions, normals], axis=1, dtype=np.float32)
     workers, count = available_cores(), len(own)
-    size = max(min(CHUNK, -(-count // workers)), 1)
+    shares = workers * max(-(-count // (workers * CHUNK)), 1)  # as many for every thread
+    size = max(-(-count // shares), 1)
     starts = range(0, count, size)
     with ThreadPoolExecutor(
         workers
