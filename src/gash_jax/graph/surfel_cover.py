@@ -20,7 +20,6 @@ horizon, that is what covers. The faces of which a vertex is itself a corner are
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.files.cores import available_cores
+from gash_jax.files.cores import available_cores, in_threads
 from gash_jax.graph.cover_kernels import add_cover, keep_others
 from gash_jax.graph.surfel_pieces import PIECES
 from gash_jax.graph.surfel_walk import CLOSE, Beside
@@ -39,6 +38,8 @@ SOON = np.float32(4)
 # relative to the radius of the surface: a face no farther than this from the vertex's own place is not above it
 TOUCHING = np.float32(1e-5)
 TINY = np.float32(1e-20)
+# pairs that are worth a thread
+SPAN = 4096
 
 
 class ClosePairs(NamedTuple):
@@ -68,9 +69,9 @@ def without_own(
     pairs: ClosePairs, vertices: Int[np.ndarray, "n"], tree: SurfelTree, faces: Int[np.ndarray, "f 3"]
 ) -> ClosePairs:
     """Those whose leaf is no part of a face of the vertex; their vertex i is number `vertices[i]` of the mesh."""
-    arrays = [array.copy() for array in pairs]
-    count = keep_others(*arrays, vertices, tree.face, faces)
-    return ClosePairs(*(array[:count] for array in arrays))
+    vertex, leaf, weight = (array.copy() for array in pairs)
+    count = keep_others(vertex, leaf, weight, vertices, tree.face, faces)
+    return ClosePairs(vertex[:count], leaf[:count], weight[:count])
 
 
 def surfel_cover(
@@ -84,17 +85,16 @@ def surfel_cover(
     """The cover of every vertex; NumPy, or with `xp` = jax.numpy under jit."""
     if xp is np:
         found = np.zeros((len(positions), 3), np.float32)
-        workers = available_cores()
         # pairs are in the order of their vertices, and no two threads have the same one
-        ends = np.linspace(0, len(positions), workers + 1).astype(np.int64)
-        starts = np.searchsorted(pairs.vertex, ends).tolist()
+        spans = min(available_cores(), 1 + len(pairs.vertex) // SPAN)
+        starts = np.searchsorted(pairs.vertex, np.linspace(0, len(positions), spans + 1).astype(np.int64)).tolist()
 
-        def add(some: ClosePairs) -> None:
-            add_cover(*some, tree.face, tree.piece, PIECES, faces, positions, normals, TOUCHING, found)
+        def add(span: tuple[int, int]) -> None:
+            vertex, leaf, weight = (array[slice(*span)] for array in pairs)
+            of_leaves = tree.face, tree.piece, PIECES, faces
+            add_cover(vertex, leaf, weight, *of_leaves, positions, normals, TOUCHING, found)
 
-        with ThreadPoolExecutor(workers) as pool:
-            spans = [slice(start, end) for start, end in zip(starts[:-1], starts[1:], strict=True)]
-            list(pool.map(lambda span: add(ClosePairs(*(array[span] for array in pairs))), spans))
+        in_threads(add, zip(starts[:-1], starts[1:], strict=True))
         return found
     points, place = [positions[:, i] for i in range(3)], pairs.vertex
     corner = np.take(faces, tree.face[pairs.leaf], axis=0)

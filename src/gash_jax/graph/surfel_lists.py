@@ -13,14 +13,13 @@ network is given at a time is about CALL pairs; vertices that would be but a par
 of more than the last width keeps its most important.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from gash_jax.files.cores import available_cores
+from gash_jax.files.cores import available_cores, in_threads
 from gash_jax.graph.surfel_cover import ClosePairs, close_pairs, joined_pairs
 from gash_jax.graph.surfel_walk import Walked, place_lists, surfel_blocks, walk_tree
 from gash_jax.graph.surfels import SurfelTree
@@ -59,25 +58,22 @@ def list_surfels(
     shares = workers * max(-(-count // (workers * CHUNK)), 1)  # as many for every thread
     size = max(-(-count // shares), 1)
     starts = range(0, count, size)
-    with ThreadPoolExecutor(
-        workers
-    ) as pool:  # no vertex knows of another, and compiled loops let go of the interpreter
-        walk = partial(walk_tree, blocks, full=FULL, most=WIDTHS[-1], moves=moves)
-        found = list(pool.map(lambda start: walk(own[start : start + size]), starts))
-        lengths = np.concatenate([part.lengths for part in found] or [np.zeros(0, np.int64)])
-        bucket = _buckets(lengths)
-        width = np.array(WIDTHS)[bucket]
-        order = np.argsort(bucket, kind="stable")
-        begin = np.empty(count, np.int64)
-        begin[order] = np.cumsum(width[order]) - width[order]
-        table = np.empty(int(width.sum()), np.int32)
-        weight = np.empty(len(table), np.float32)
+    walk = partial(walk_tree, blocks, full=FULL, most=WIDTHS[-1], moves=moves)
+    found = in_threads(lambda start: walk(own[start : start + size]), starts, workers)
+    lengths = np.concatenate([part.lengths for part in found] or [np.zeros(0, np.int64)])
+    bucket = _buckets(lengths)
+    width = np.array(WIDTHS)[bucket]
+    order = np.argsort(bucket, kind="stable")
+    begin = np.empty(count, np.int64)
+    begin[order] = np.cumsum(width[order]) - width[order]
+    table = np.empty(int(width.sum()), np.int32)
+    weight = np.empty(len(table), np.float32)
 
-        def place(start: int, part: Walked) -> None:
-            chosen = slice(start, start + size)
-            place_lists(part, begin[chosen], width[chosen], len(records) - 1, table, weight)
+    def place(start: int, part: Walked) -> None:
+        chosen = slice(start, start + size)
+        place_lists(part, begin[chosen], width[chosen], len(records) - 1, table, weight)
 
-        list(pool.map(place, starts, found))
+    in_threads(lambda pair: place(*pair), zip(starts, found, strict=True), workers)
     close = [close_pairs(start, part.beside) for start, part in zip(starts, found, strict=True)]
     sizes = np.bincount(bucket, minlength=len(WIDTHS))
     ends, rows = np.cumsum(sizes * np.array(WIDTHS)), np.cumsum(sizes)

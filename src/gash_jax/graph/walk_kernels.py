@@ -161,9 +161,11 @@ def _picked(tile, row, least, n, picked):
 @no_type_check
 def _reaches(height, spread, row, x, y, z, reach):
     """Whether a surfel reaches above the horizon, by so many times its mean square extent n' C n."""
+    if height > ZERO:
+        return True
     extent = spread[row, 0] * x * x + spread[row, 1] * y * y + spread[row, 2] * z * z
     extent += TWO * (spread[row, 3] * x * y + spread[row, 4] * x * z + spread[row, 5] * y * z)
-    return (height > ZERO) | (height * height <= extent * reach)
+    return height * height <= extent * reach
 
 
 @_compiled

@@ -5,7 +5,6 @@ serve every mesh: up to what is pooled one of Numba (`nn.surfel_encode`), and fo
 vertices at a time. `apply_surfels` is the same as a JAX function, for derivatives and `vmap`.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,13 +15,13 @@ from flax import linen as nn
 from jaxtyping import Array, Float
 
 from gash_jax.algebra.sh import band_index
-from gash_jax.files.cores import available_cores
+from gash_jax.files.cores import in_threads
 from gash_jax.graph.surfel_graph import Part, SurfelGraph, with_surfels
 from gash_jax.graph.surfel_lists import call_size
 from gash_jax.nn.surfel_encode import encode_on_host
 
-# in a call
-VERTICES = 1024
+# vertices in a call; meshes of few take small ones
+FEW, VERTICES = 256, 1024
 
 
 @partial(jax.jit, static_argnames="module")
@@ -74,8 +73,10 @@ def apply_surfels(module: nn.Module, params: Any, graph: SurfelGraph) -> tuple[A
 
 def compile_calls(module: nn.Module, params: Any, graph: SurfelGraph) -> None:
     """Compile the calls that predictions are made of, so that none has to: any graph of the model will do."""
-    found = encode_on_host(params, graph.parts[0], graph.records)
-    jax.block_until_ready(decode_found(module, params, *_filled(found, graph.parts[0]["normal"])))
+    none = {name: array[:0] for name, array in graph.parts[0].items()}
+    found = encode_on_host(params, none, graph.records)
+    for size in (FEW, VERTICES):
+        jax.block_until_ready(decode_found(module, params, *_filled(found, none["normal"], size)))
 
 
 def predict_surfels(
@@ -104,14 +105,15 @@ def predict_bounces(module: nn.Module, params: Any, graph: SurfelGraph, bounces:
 
 
 def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | None) -> Float[np.ndarray, "n m"]:
-    """What the network says of all vertices of the parts in turn: calls of one size, spread over threads."""
+    """What the network says of all vertices of the parts in turn, in calls of one size."""
     normals = np.concatenate([part["normal"] for part in graph.parts])
     if not len(normals):
         return np.zeros((0, (module.bounces + 1) * (module.bands**2 + module.bands)), np.float32)
     starts = np.cumsum([0, *(len(part["normal"]) for part in graph.parts)]).tolist()
+    size = FEW if len(normals) <= VERTICES // 2 else VERTICES
 
     def call(start: int) -> np.ndarray:
-        stop = min(start + VERTICES, len(normals))
+        stop = min(start + size, len(normals))
         found = [
             encode_on_host(params, {name: a[max(start - first, 0) : stop - first] for name, a in part.items()}, records)
             for part, first, end in zip(graph.parts, starts[:-1], starts[1:], strict=True)
@@ -119,16 +121,15 @@ def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | 
         ]
         # seldom of more than one part
         together = tuple(np.concatenate(a) for a in zip(*found, strict=True)) if len(found) > 1 else found[0]
-        return np.asarray(decode_found(module, params, *_filled(together, normals[start:stop])))[: stop - start]
+        return np.asarray(decode_found(module, params, *_filled(together, normals[start:stop], size)))[: stop - start]
 
     records = np.asarray(graph.records)
-    with ThreadPoolExecutor(workers or available_cores()) as pool:
-        return np.concatenate(list(pool.map(call, range(0, len(normals), VERTICES))))
+    return np.concatenate(in_threads(call, range(0, len(normals), size), workers))
 
 
-def _filled(found: tuple[np.ndarray, ...], normals: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+def _filled(found: tuple[np.ndarray, ...], normals: np.ndarray, size: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """What was found of some vertices, and their normals, with zeros to the size of a call."""
-    missing = VERTICES - len(normals)
+    missing = size - len(normals)
     if not missing:
         return found, normals
     longer = [np.concatenate([a, np.zeros((missing, *a.shape[1:]), a.dtype)]) for a in (*found, normals)]
