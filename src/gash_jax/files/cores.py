@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TypeVar
 
 Item, Result = TypeVar("Item"), TypeVar("Result")
@@ -13,15 +14,19 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@cache
+def _pool(process: int, workers: int) -> ThreadPoolExecutor:
+    """The threads of a process, which wait for work: to start them takes as long as a small mesh does."""
+    return ThreadPoolExecutor(workers, f"gash-{process}")
+
+
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item], workers: int | None = None) -> list[Result]:
     """What the function returns for each item, in their order, with a thread for every core.
 
-    For functions that let go of the interpreter. To start threads takes longer than a small piece of work does: there
-    is none where there is but one item.
+    For functions that let go of the interpreter, and do not call this one.
     """
     items = list(items)
-    workers = min(workers or available_cores(), len(items))
-    if workers < 2:
+    workers = workers or available_cores()
+    if min(workers, len(items)) < 2:
         return [function(item) for item in items]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(function, items))
+    return list(_pool(os.getpid(), workers).map(function, items))
