@@ -34,6 +34,21 @@ def test_more_surfels_than_a_tile_holds(monkeypatch: pytest.MonkeyPatch) -> None
         np.testing.assert_allclose(dense, row, atol=5e-3)
 
 
+def test_lists_that_are_crowded_by_less_than_rounding_are_made_anew_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their importance is multiplied by 1 then, and they are still crowded."""
+    monkeypatch.setattr(surfel_walk, "MIDDLE", surfel_walk.TIPS)  # what is listed is all that is in the total
+    case = bumpy_case()
+    blocks, own = surfel_blocks(case.plan.tree, case.records), _own(case)[:40]
+    for vertex in range(len(own)):
+        free = walk_tree(blocks, own[vertex : vertex + 1], 1e9, 256, moves=True)
+        total = float(free.weight.sum(dtype=np.float64))
+        full = np.float32(total)
+        full = full if full < total else np.nextafter(full, np.float32(0))
+        found = walk_tree(blocks, own[vertex : vertex + 1], float(full), 256, moves=True)
+        np.testing.assert_array_equal(found.beside.leaf, free.beside.leaf)
+        np.testing.assert_allclose(found.weight, free.weight, atol=1e-4)
+
+
 def test_any_number_of_leaves_may_be_beside_vertices(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than there is room for at first: all leaves are, by their j and by what is open above them."""
     monkeypatch.setattr(surfel_walk, "CLOSE", np.float32(1e-4))

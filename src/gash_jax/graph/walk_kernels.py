@@ -45,7 +45,7 @@ def walk(families, spread, starts, missing, own, rules, most, moves, lengths):
     for v in range(len(own)):
         x, y, z = own[v, 3], own[v, 4], own[v, 5]
         first, scale = used, ONE
-        while True:
+        for again in (False, True):
             total, used, count = 0.0, first, starts[1]
             for f in range(count):
                 family[f] = f
@@ -59,15 +59,12 @@ def walk(families, spread, starts, missing, own, rules, most, moves, lengths):
                     _fetch(families, family, reached, start, n, own, v, tile)
                     _weigh(tile, n, x, y, z, scale, middle, tips, ONE / opening, ONE / negligible, level < last)
                     if level < last:
-                        for k in range(_picked(tile, PASSED, ZERO, n, picked)):
-                            m = picked[k]
-                            member = FAN * family[start + (m >> FAN_BITS)] + (m & (FAN - 1))
-                            next_family[found] = starts[level + 1] + member - FAN * starts[level]
-                            next_reached[found] = tile[PASSED + m]
-                            found += 1
+                        # member m of a level has its family m of the next one as children
+                        children = starts[level + 1] - FAN * starts[level]
+                        found = _passed_on(tile, n, picked, family, start, children, next_family, next_reached, found)
                     for k in range(_picked(tile, BY_TIPS if moves else BY_MIDDLE, ZERO, n, picked)):
                         m = picked[k]
-                        row = FAN * family[start + (m >> FAN_BITS)] + (m & (FAN - 1)) - shift
+                        row = _member(family, start, m) - shift
                         above = _reaches(tile[m], spread, row, x, y, z, ROUNDING)
                         by, important = (BY_MIDDLE, ROW_I) if above or not moves else (BY_TIPS, ROW_J)
                         node[used] = row
@@ -75,22 +72,21 @@ def walk(families, spread, starts, missing, own, rules, most, moves, lengths):
                         rank[used - first] = tile[important + m]
                         used += 1 if (tile[by + m] > ZERO) & (above | moves) else 0
                         total += tile[BY_MIDDLE + m]
-                    if level == last and scale == ONE:  # what is beside a vertex stays
+                    if level == last and not again:  # what is beside a vertex stays
                         for k in range(_picked(tile, ROW_J, near, n, picked)):
                             m = picked[k]
-                            f = start + (m >> FAN_BITS)
-                            row = FAN * family[f] + (m & (FAN - 1)) - shift
+                            row = _member(family, start, m) - shift
                             if beside == len(leaf):
                                 vertex, leaf = _longer(vertex), _longer(leaf)
                                 share, highest = _longer(share), _longer(highest)
                             vertex[beside], leaf[beside] = v, row + shift - FAN * starts[level]
-                            share[beside], highest[beside] = reached[f], tile[ROW_J + m]
+                            share[beside], highest[beside] = reached[start + (m >> FAN_BITS)], tile[ROW_J + m]
                             above = _reaches(tile[m], spread, row, x, y, z, ROUNDING * corners)
                             beside += 1 if above | moves else 0
                 family, next_family = next_family, family
                 reached, next_reached = next_reached, reached
                 count = found
-            if total <= full or scale < ONE:
+            if total <= full:
                 break
             scale = np.float32(full / total)
         if used - first > most:
@@ -155,6 +151,26 @@ def _picked(tile, row, least, n, picked):
         picked[count] = m
         count += 1 if tile[row + m] > least else 0
     return count
+
+
+@_compiled
+@no_type_check
+def _member(family, start, m):
+    """The place of member m of some families among all members."""
+    # by bits, as a division takes longer than all the rest
+    return FAN * family[start + (m >> FAN_BITS)] + (m & (FAN - 1))
+
+
+@_compiled
+@no_type_check
+def _passed_on(tile, n, picked, family, start, children, next_family, next_reached, found):
+    """Families of the children of what is open, and their shares; how many these are then."""
+    for k in range(_picked(tile, PASSED, ZERO, n, picked)):
+        m = picked[k]
+        next_family[found] = children + _member(family, start, m)
+        next_reached[found] = tile[PASSED + m]
+        found += 1
+    return found
 
 
 @_compiled
