@@ -38,15 +38,17 @@ def test_lists_that_are_crowded_by_less_than_rounding_are_made_anew_once(monkeyp
     """Their importance is multiplied by 1 then, and they are still crowded."""
     monkeypatch.setattr(surfel_walk, "MIDDLE", surfel_walk.TIPS)  # what is listed is all that is in the total
     case = bumpy_case()
-    blocks, own = surfel_blocks(case.plan.tree, case.records), _own(case)[:40]
+    blocks, own, rounded = surfel_blocks(case.plan.tree, case.records), _own(case)[:40], 0
     for vertex in range(len(own)):
         free = walk_tree(blocks, own[vertex : vertex + 1], 1e9, 256, moves=True)
         total = float(free.weight.sum(dtype=np.float64))
-        full = np.float32(total)
-        full = full if full < total else np.nextafter(full, np.float32(0))
-        found = walk_tree(blocks, own[vertex : vertex + 1], float(full), 256, moves=True)
+        nearest = np.float32(total)
+        full = float(nearest if float(nearest) < total else np.nextafter(nearest, np.float32(0)))
+        rounded += np.float32(full / total) == 1
+        found = walk_tree(blocks, own[vertex : vertex + 1], full, 256, moves=True)
         np.testing.assert_array_equal(found.beside.leaf, free.beside.leaf)
         np.testing.assert_allclose(found.weight, free.weight, atol=1e-4)
+    assert rounded > 5
 
 
 def test_any_number_of_leaves_may_be_beside_vertices(monkeypatch: pytest.MonkeyPatch) -> None:
