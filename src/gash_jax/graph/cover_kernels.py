@@ -7,14 +7,15 @@ as Numba looks for changes in this one alone.
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from gash_jax.files.compiled import compiled
 
 # plain numbers would make float64 of all
 ZERO, ONE = np.float32(0), np.float32(1)
 TINY = np.float32(1e-20)
 PER_TURN = np.float32(0.5 / np.pi)
 
-_compiled = njit(nogil=True, fastmath=False, error_model="numpy", cache=True)
+_compiled = compiled()
 
 
 @_compiled

@@ -7,7 +7,8 @@ slice of the array would cost more than what is done with it.
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from gash_jax.files.compiled import compiled
 
 FAN = 4
 # plain numbers would make float64 of all
@@ -17,7 +18,7 @@ TINIEST = np.finfo(np.float32).tiny
 SPREAD, FIRST, SECOND = 14, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 # no arithmetic faster than IEEE's: records are the same to the bit on every processor, and in `runtimes/gash_numpy.py`
-_compiled = njit(nogil=True, error_model="numpy", cache=True)
+_compiled = compiled()
 
 
 @_compiled

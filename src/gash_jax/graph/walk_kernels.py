@@ -9,7 +9,8 @@ Kernels call nothing of other files, as Numba looks for changes in this one alon
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from gash_jax.files.compiled import compiled
 
 # members of a family, 4
 FAN_BITS = 2
@@ -25,7 +26,7 @@ TINY = np.float32(1e-12)
 ROUNDING = np.float32(1 + 1e-4)
 
 # no arithmetic faster than IEEE's: lists are the same to the bit on every processor, and in `runtimes/gash_numpy.py`
-_compiled = njit(nogil=True, error_model="numpy", cache=True)
+_compiled = compiled()
 
 
 @_compiled

@@ -77,7 +77,8 @@ def deforming_predictor(model: Model, mesh: MeshLike) -> DeformingFn:
         if isinstance(pose, Tracer):
             return traced(jnp.asarray(pose, jnp.float32))
         check_together(plan, np.asarray(pose, np.float32) / np.float32(unit))
-        placed, normals = (np.asarray(array) for array in posed(np.asarray(pose, np.float32)))
+        # copies, as for arrays that may not be written to all loops would be compiled once more
+        placed, normals = (np.array(array) for array in posed(np.asarray(pose, np.float32)))
         records = surfel_records(plan.tree, placed, plan.faces)
         graph = SurfelGraph(records, part_arrays(plan, placed, normals), slot, center, np.asarray(unit, np.float32))
         return predict_surfels(model.module, model.params, graph)

@@ -6,7 +6,8 @@ All CORNERS of them make one block: number i of corner j is c[i * CORNERS + j].
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from gash_jax.files.compiled import compiled
 
 CORNERS = 8
 # of a corner: direction, normal, distance, one channel, features
@@ -14,10 +15,10 @@ CHANNEL, FEATURES, FEATURE_COUNT = 7 * CORNERS, 8 * CORNERS, 14
 NUMBERS = FEATURES + FEATURE_COUNT * CORNERS
 
 _F = np.float32
-_jit = njit(nogil=True, fastmath={"reassoc", "nsz", "arcp", "contract", "afn"}, error_model="numpy", cache=True)
+_compiled = compiled(fastmath={"reassoc", "nsz", "arcp", "contract", "afn"})
 
 
-@_jit
+@_compiled
 @no_type_check
 def pool_corners(near, normal, frames, layer, constants, start, pooled, rise):
     """Write columns of `pooled` from `start` on, means and maxima over corners, and how far they `rise` in the mean.
@@ -33,7 +34,7 @@ def pool_corners(near, normal, frames, layer, constants, start, pooled, rise):
         pooled[v, start + 2 * len(layer) + 2] = _fourth_root(edge, tiny)
 
 
-@_jit
+@_compiled
 @no_type_check
 def _seen(near, v, n, floor, rounding, c):
     """Direction, normal and distance of the corners, as rows; means of their rise and of their distance."""
@@ -53,7 +54,7 @@ def _seen(near, v, n, floor, rounding, c):
     return rise / _F(CORNERS), edge / _F(CORNERS)
 
 
-@_jit
+@_compiled
 @no_type_check
 def _described(c, edge, frames, tiny, v):
     """Features of the corners, in the order of `surfel_pairs`."""
@@ -71,7 +72,7 @@ def _described(c, edge, frames, tiny, v):
         c[f + 13 * CORNERS] = _fourth_root(away, tiny)
 
 
-@_jit
+@_compiled
 @no_type_check
 def _pooled(c, layer, v, start, pooled):
     """Mean and largest over the corners of ReLU(W f + b), from column `start` on."""
@@ -94,33 +95,33 @@ def _pooled(c, layer, v, start, pooled):
         pooled[v, start + k], pooled[v, start + channels + k] = total / _F(CORNERS), most
 
 
-@_jit
+@_compiled
 @no_type_check
 def _weights(layer, c, i):
     """Four weights of a channel, from feature i on."""
     return layer[c, i], layer[c, i + 1], layer[c, i + 2], layer[c, i + 3]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _four(w, x, at, step):
     """Four terms of W f; of a loop over them LLVM would make the vectors."""
     return w[0] * x[at] + w[1] * x[at + step] + w[2] * x[at + 2 * step] + w[3] * x[at + 3 * step]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _axis(frames, v, i):
     return frames[v, 0, i], frames[v, 1, i], frames[v, 2, i]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _fourth_root(x, tiny):
     return np.sqrt(np.sqrt(x if x > tiny else tiny))

@@ -17,7 +17,8 @@ and looks at no other: hence constants of `surfel_pairs` come as arguments.
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from gash_jax.files.compiled import compiled
 
 # surfels in a list
 MOST = 256
@@ -42,10 +43,10 @@ _F = np.float32
 MOST_KEPT = _F(0.8)
 TINIEST = np.finfo(np.float32).tiny
 # sums in any order, but what is not finite stays so
-_jit = njit(nogil=True, fastmath={"reassoc", "nsz", "arcp", "contract", "afn"}, error_model="numpy", cache=True)
+_compiled = compiled(fastmath={"reassoc", "nsz", "arcp", "contract", "afn"})
 
 
-@_jit
+@_compiled
 @no_type_check
 def _gathered(records, table, weight, v, offset, s):
     """Records of the list of a vertex, as rows, and how many blocks of LANES it has."""
@@ -67,7 +68,7 @@ def _gathered(records, table, weight, v, offset, s):
     return blocks
 
 
-@_jit
+@_compiled
 @no_type_check
 def _quadratic(s, form, j, x, y, z):
     """u' S u of pair j, at least 0."""
@@ -77,14 +78,14 @@ def _quadratic(s, form, j, x, y, z):
     return found if found > _F(0) else _F(0)
 
 
-@_jit
+@_compiled
 @no_type_check
 def _clipped(x, low, high):
     x = x if x > low else low
     return x if x < high else high
 
 
-@_jit
+@_compiled
 @no_type_check
 def _weighed(s, blocks, n, constants):
     """Weights of the pairs; sum of k u, of k, of q w c, and the largest of these."""
@@ -126,7 +127,7 @@ def _weighed(s, blocks, n, constants):
     return (sx, sy, sz), even, total, most
 
 
-@_jit
+@_compiled
 @no_type_check
 def _described(s, blocks, frames, v, constants):
     """Features of the pairs, in the order of `surfel_pairs`."""
@@ -153,21 +154,21 @@ def _described(s, blocks, frames, v, constants):
         s[f + 15 * STRIDE] = _fourth_root(distance, tiny)
 
 
-@_jit
+@_compiled
 @no_type_check
 def _weights(layer, c, i):
     """Four weights of a channel, from feature i on."""
     return layer[c, i], layer[c, i + 1], layer[c, i + 2], layer[c, i + 3]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _four(w, x, at, step):
     """Four terms of W f; of a loop over them LLVM would make the vectors."""
     return w[0] * x[at] + w[1] * x[at + step] + w[2] * x[at + 2 * step] + w[3] * x[at + 3 * step]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _pooled(s, blocks, layer, v, pooled):
     """Sums over the pairs of ReLU(W f + b) with both weights; the last column of `layer` is b."""
@@ -186,31 +187,31 @@ def _pooled(s, blocks, layer, v, pooled):
         pooled[v, c], pooled[v, channels + c] = above, partly
 
 
-@_jit
+@_compiled
 @no_type_check
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _axis(frames, v, i):
     return frames[v, 0, i], frames[v, 1, i], frames[v, 2, i]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _fourth_root(x, tiny):
     return np.sqrt(np.sqrt(x if x > tiny else tiny))
 
 
-@_jit
+@_compiled
 @no_type_check
 def _normalized(a):
     """`safe_normalize`."""
@@ -222,14 +223,14 @@ def _normalized(a):
     return x / length, y / length, z / length
 
 
-@_jit
+@_compiled
 @no_type_check
 def _tangential(a, n):
     up = _dot(a, n)
     return a[0] - up * n[0], a[1] - up * n[1], a[2] - up * n[2]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _any_tangent(n):
     """The first axis of `orthonormal_frame`."""
@@ -243,7 +244,7 @@ def _any_tangent(n):
     return _F(1) - x * x * scale, -x * y * scale, -x
 
 
-@_jit
+@_compiled
 @no_type_check
 def _turned(hidden, even, corner, n, turning, v, frames):
     """The frame of a vertex, from the sums of k u and of k and the direction of its first corner."""
@@ -265,7 +266,7 @@ def _turned(hidden, even, corner, n, turning, v, frames):
         frames[v, i, 0], frames[v, i, 1], frames[v, i, 2] = a[i], b[i], n[i]
 
 
-@_jit
+@_compiled
 @no_type_check
 def encode(arrays, layer, constants, turning, pooled, frames, seen):
     """All vertices of a part in turn: see `surfel_encode`. Of `pooled` the columns of the corners are left out."""
@@ -286,7 +287,7 @@ def encode(arrays, layer, constants, turning, pooled, frames, seen):
         seen[v] = total + pooled[v, last + 5]
 
 
-@_jit
+@_compiled
 @no_type_check
 def _corner(near, v, constants):
     """The direction of the first corner."""
@@ -295,7 +296,7 @@ def _corner(near, v, constants):
     return x * per, y * per, z * per
 
 
-@_jit
+@_compiled
 @no_type_check
 def _kept(s, blocks):
     """Where much of the list has no weight, as below the horizon of a mesh that moves, only the rest goes on."""
