@@ -552,6 +552,7 @@ def cover(
     away = (face * r[:, 0]).sum(-1) / length(face)
     towards = away / np.sqrt(away * away + TOUCHING * TOUCHING)
     above = np.maximum((f * up).sum(-1) / length(f) * towards, 0) * towards
+    above = above * ((r * up[:, None]).sum(-1).max(axis=1) > np.float32(1e-6))  # else it lies in the horizon
     found = np.zeros((len(own), 3), np.float32)
     np.add.at(found, vertex, ((q * above)[:, None] * f).astype(np.float32))
     return found

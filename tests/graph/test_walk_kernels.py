@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gash_jax.graph import surfel_walk, surfels, walk_kernels
+from gash_jax.graph import record_kernel, surfel_walk, surfels, walk_kernels
 from gash_jax.graph.surfel_walk import surfel_blocks, walk_tree
 from tests.helpers import surfel_cases
 from tests.helpers.surfel_cases import SurfelCase, bumpy_case, walked_list
@@ -14,7 +14,7 @@ def _own(case: SurfelCase) -> np.ndarray:
 
 
 def test_families_are_as_large_as_those_of_the_tree() -> None:
-    assert walk_kernels.FAN == surfels.FAN == 1 << walk_kernels.FAN_BITS
+    assert walk_kernels.FAN == record_kernel.FAN == surfels.FAN == 1 << walk_kernels.FAN_BITS
 
 
 def test_more_surfels_than_a_tile_holds(monkeypatch: pytest.MonkeyPatch) -> None:

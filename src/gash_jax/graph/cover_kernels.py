@@ -20,7 +20,7 @@ _compiled = compiled()
 
 @_compiled
 @no_type_check
-def add_cover(vertex, leaf, weight, face, piece, pieces, faces, positions, normals, touching, found):
+def add_cover(vertex, leaf, weight, face, piece, pieces, faces, positions, normals, flat, touching, found):
     """Add to `found` (v, 3) what the leaves of all pairs cover."""
     for pair in range(len(vertex)):
         v = vertex[pair]
@@ -29,7 +29,7 @@ def add_cover(vertex, leaf, weight, face, piece, pieces, faces, positions, norma
         a = _corner(parts[0], corners, positions, own)
         b = _corner(parts[1], corners, positions, own)
         c = _corner(parts[2], corners, positions, own)
-        if not (_dot(a, up) >= ZERO or _dot(b, up) >= ZERO or _dot(c, up) >= ZERO):
+        if not (_dot(a, up) > flat or _dot(b, up) > flat or _dot(c, up) > flat):
             continue
         nowhere = (ZERO, ZERO, ZERO)
         total, gone, back = _with_edge(nowhere, nowhere, nowhere, a, b, up)

@@ -37,6 +37,8 @@ from gash_jax.graph.surfels import SurfelTree
 SOON = np.float32(4)
 # relative to the radius of the surface: a face no farther than this from the vertex's own place is not above it
 TOUCHING = np.float32(1e-5)
+# and one none of whose corners is higher than this above the horizon lies in it: what is left is rounding
+FLAT = np.float32(1e-6)
 TINY = np.float32(1e-20)
 # pairs that are worth a thread
 SPAN = 4096
@@ -92,7 +94,7 @@ def surfel_cover(
         def add(span: tuple[int, int]) -> None:
             vertex, leaf, weight = (array[slice(*span)] for array in pairs)
             of_leaves = tree.face, tree.piece, PIECES, faces
-            add_cover(vertex, leaf, weight, *of_leaves, positions, normals, TOUCHING, found)
+            add_cover(vertex, leaf, weight, *of_leaves, positions, normals, FLAT, TOUCHING, found)
 
         in_threads(add, zip(starts[:-1], starts[1:], strict=True))
         return found
@@ -133,6 +135,7 @@ def _covered(r: list[list[Any]], up: list[Any]) -> list[Any]:
     # towards the triangle; nothing where the vertex lies in it
     towards = away / jnp.sqrt(away * away + TOUCHING * TOUCHING)
     scale = jnp.maximum(_dot(total, up) / _length(total) * towards, 0) * towards
+    scale = jnp.where(jnp.maximum(jnp.maximum(height[0], height[1]), height[2]) > FLAT, scale, 0)
     return [scale * t for t in total]
 
 

@@ -11,7 +11,7 @@ from tests.helpers.service import tiny_model
 
 @pytest.fixture(scope="module")
 def mesh() -> HeldMesh:
-    return HeldMesh(tiny_model(), bumpy_sphere(12))
+    return HeldMesh(tiny_model(), bumpy_sphere(11))
 
 
 def test_names_cannot_be_guessed_and_find_their_mesh(mesh: HeldMesh) -> None:
