@@ -152,7 +152,8 @@ def test_calls_are_compiled_before_they_are_needed() -> None:
     module, before = MODULE.clone(bands=2), compiled()  # of its own for this test
     compile_calls(module, _params(), _graph())
     after = compiled()
-    assert after == (before[0] + 2, 1)
+    # tests before this one may have compiled the loops, for other arrays too
+    assert after[0] == before[0] + 2 and after[1] >= max(before[1], 1)
     predict_surfels(module, _params(), _graph())
     predict_surfels(module, _params(), model_graph(CONFIG, bumpy_mesh(333)))
     assert compiled() == after

@@ -11,7 +11,7 @@ import numpy as np
 from gash_jax.files.compiled import compiled
 
 # plain numbers would make float64 of all
-ZERO, ONE = np.float32(0), np.float32(1)
+ZERO = np.float32(0)
 TINY = np.float32(1e-20)
 PER_TURN = np.float32(0.5 / np.pi)
 

@@ -123,7 +123,7 @@ def _outputs(module: nn.Module, params: Any, graph: SurfelGraph, workers: int | 
         together = tuple(np.concatenate(a) for a in zip(*found, strict=True)) if len(found) > 1 else found[0]
         return np.asarray(decode_found(module, params, *_filled(together, normals[start:stop], size)))[: stop - start]
 
-    records = np.asarray(graph.records)
+    records = np.require(graph.records, np.float32, ["C", "W"])  # copied here, if at all, and not in every call
     return np.concatenate(in_threads(call, range(0, len(normals), size), workers))
 
 

@@ -52,6 +52,5 @@ def encode_on_host(
     turning = (given.TINY, given.EVEN, given.FAINT, np.cos(given.ASIDE), np.sin(given.ASIDE))
     arrays = (records, position, normal, near, cover, table, weight)
     surfel_kernel.encode(arrays, layer, constants, tuple(map(np.float32, turning)), pooled, frames, seen)
-    corners = (floor, tiny, rounding)
-    corner_kernel.pool_corners(near, normal, frames, corner_layer, corners, 2 * len(layer), pooled, rise)
+    corner_kernel.pool_corners(near, normal, frames, corner_layer, constants[:3], 2 * len(layer), pooled, rise)
     return pooled, frames, seen + rise
